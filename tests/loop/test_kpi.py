@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evertwin.config.spec import ArbiterSpec, Span, TuningSpec, TwinSpec
+from evertwin.config.spec import ArbiterSpec, PredictionSpec, Span, TuningSpec, TwinSpec
 from evertwin.errors import UsageError
 from evertwin.fold import Event
 from evertwin.outcome.intervals import MONTH, Coverage, Rate
@@ -118,6 +118,22 @@ def test_the_band_of_a_gaussian_twin_holds_95_of_100_rows() -> None:
     assert covered.rows > 3900 and covered.share == pytest.approx(0.95, abs=0.012)
     assert covered.interval95[0] < 0.95 < covered.interval95[1]
     assert found.updates is None and any("held to a tolerance" in note for note in found.notes)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_band_says_how_far_ahead_it_is(seed: int) -> None:
+    """One sample ahead the band holds, while over the horizon the twin is off by far more."""
+    reaching = replace(
+        spec(), arbiter=ArbiterSpec(use="blend"), prediction=PredictionSpec(horizon=10.0)
+    )
+    with Twin(reaching) as twin:
+        found = twin.kpi(twin.run(drive(2000, gain=1.0, seed=seed)))
+    assert found.coverage["x"].ahead == pytest.approx(0.1)
+    assert "inside the 95 % band 0.1 s ahead" in str(found)
+    assert any("one sample ahead; 10 s ahead" in note for note in found.notes)
+    with Twin(spec()) as twin:
+        found = twin.kpi(twin.run(drive(2000, gain=1.0, seed=seed)))
+    assert found.coverage["x"].ahead is None and "s ahead" not in str(found)
 
 
 def test_the_interval_of_a_share_allows_for_rows_that_are_alike() -> None:

@@ -43,6 +43,9 @@ class Coverage:
     """Rows that are as much evidence, were they independent."""
     share: float
     interval95: Interval
+    ahead: float | None = None
+    """How far ahead the band was foretold [s]: from sample to sample; None: the longer, the longer
+    ago the last update was."""
 
     @classmethod
     def of(cls, z: Float64[np.ndarray, " n"]) -> Coverage:

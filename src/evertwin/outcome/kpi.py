@@ -10,8 +10,9 @@ A view on what a run gave and its log says; nothing is simulated again.
   one, to new parameters and to the version that is live.
 * Rates per month of data, over all runs in the log.
 * Coverage: how many measured rows lie inside the 95 % band that was foretold of them. Where the
-  arbiter blends samples the band is the spread of the residual; else it is what the arbiter still
-  believes of a sample, which is wider.
+  arbiter blends samples the band is the spread of the residual from one sample to the next, however
+  far off predictions over the horizon are; else it is what the arbiter still believes of a sample,
+  which is wider. It is said how far ahead.
 
 What the data do not tell stands in ``notes``.
 """
@@ -31,7 +32,7 @@ from evertwin.ledger.ledger import Ledger
 from evertwin.outcome.intervals import Coverage, Interval, Rate
 from evertwin.outcome.result import OutputFigures, RunResult
 from evertwin.setup.setup import Setup
-from evertwin.types import Float64, Json
+from evertwin.types import Float64, Json, Vector
 
 SIGNS = ("suspected", "drift", "changed")
 TUNED = ("tuned", "corrected")
@@ -127,10 +128,16 @@ class Kpi:
             size = "range" if f.unit == "K" else "rms"
             rms = f"{f.rms_before:.3g} -> {f.rms_after:.3g} {f.unit}"
             text.append(f"{name:<13} off by {rms}: {whole} of its {size}, moving {moving}")
-        text += [f"{name:<13} inside the 95 % band: {c}" for name, c in self.coverage.items()]
+        text += [f"{name:<13} inside the 95 % band{_ahead(c)}: {c}"
+                 for name, c in self.coverage.items()]  # fmt: skip
         text += [str(change) for change in self.changes]
         text += [f"{kind.replace('_', ' '):<13} {rate}" for kind, rate in self.rates.items()]
         return "\n  ".join([*text, *self.notes])
+
+
+def _ahead(coverage: Coverage) -> str:
+    """How far ahead a band was foretold, where that is one time."""
+    return f" {coverage.ahead:.3g} s ahead" if coverage.ahead else ""
 
 
 def _percent(before: float, after: float) -> str:
@@ -158,7 +165,10 @@ def kpi_of(setup: Setup, ledger: Ledger, result: RunResult, changed: float | Non
     known = np.where(trace["mark"] == Mark.ERROR, np.nan, trace["residual"])
     with np.errstate(divide="ignore", invalid="ignore"):
         z = np.where(np.isfinite(trace["sigma"]), known / trace["sigma"], np.nan)
-    covered = [Coverage.of(np.ascontiguousarray(column)) for column in z.T]
+    covered = [
+        replace(Coverage.of(np.ascontiguousarray(column)), ahead=_lead(setup, result, k, clock))
+        for k, column in enumerate(z.T)
+    ]
     found = Kpi(
         result.name, result.champion.number, whole, logged, _updates(setup, result),
         {name: one for name, one in result.outputs.items() if one.rows},
@@ -166,7 +176,18 @@ def kpi_of(setup: Setup, ledger: Ledger, result: RunResult, changed: float | Non
         {kind: Rate.of(count, logged) for kind, count in counts.items()},
         {name: one for name, one in zip(names, covered, strict=True) if one.rows},
     )  # fmt: skip
-    return replace(found, notes=_notes(found, result, changed))
+    return replace(found, notes=_notes(setup, found, result, changed))
+
+
+def _lead(setup: Setup, result: RunResult, k: int, clock: Vector) -> float | None:
+    """From one sample of an output to the next [s], where its band is foretold so far ahead."""
+    trace, channel = result.trace, result.model.outputs.channels[k]
+    measured = np.isfinite(trace["measured"][:, k])
+    use = setup.track(result.model).arbiter.rule_of(channel.group).use
+    if setup.static or use != "blend" or np.count_nonzero(measured) < 2:
+        return None
+    kept = int(np.diff(trace["row"]).min())  # of a long run every so many rows are
+    return float(np.median(np.diff(clock[measured]))) / kept
 
 
 def _clock(trace: Mapping[str, np.ndarray]) -> Float64[np.ndarray, " n"]:
@@ -236,10 +257,13 @@ def _way(places: Float64[np.ndarray, "n k"], task: np.ndarray, ruler: float) -> 
     return way
 
 
-def _notes(found: Kpi, result: RunResult, changed: float | None) -> tuple[str, ...]:
+def _notes(setup: Setup, found: Kpi, result: RunResult, changed: float | None) -> tuple[str, ...]:
     """What the figures do not say."""
     rows, updates = result.trace["row"], found.updates
     seen = any(one.detected is not None for one in found.changes)
+    near = [c.ahead for c in found.coverage.values() if c.ahead is not None]
+    reach = setup.horizon
+    far = bool(near) and max(near) < reach < math.inf
     lacks = [name for name in result.model.outputs.names if name not in found.coverage]
     said = {
         "no change was planted or known: time to detect is not told, and times count from the first"
@@ -251,6 +275,7 @@ def _notes(found: Kpi, result: RunResult, changed: float | None) -> tuple[str, .
         "before and after are one version: none was promoted": not result.of_kind("promoted"),
         str(result.trial): result.trial is not None,
         f"way and coverage are of {len(rows)} of the rows": len(rows) < result.samples,
+        f"coverage is of bands one sample ahead; {reach:.3g} s ahead the twin is off as told": far,
         f"coverage of {', '.join(lacks)}: no row has a measurement and a band": bool(lacks),
     }
     return tuple(text for text, holds in said.items() if holds)
