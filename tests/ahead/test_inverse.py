@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evertwin import Twin
+from evertwin import Twin, TwinSpec
 from evertwin.ahead.inverse import crossing, inverse
 from evertwin.app.cli import main
 from evertwin.errors import UsageError
+from evertwin.models.spec import ModelSpec
 from planted.twins import TWINS
 
 U = np.linspace(-0.2, 0.2, 81)
@@ -54,7 +55,13 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
         main([*call, *more])
     text = capsys.readouterr().out
     assert "set v = 10 cm/s" in text and "cannot be had; the nearest is 20 cm/s" in text
-    for wrong in ([], ["--wanted", "3"], ["--wanted", "3 rad/s"], ["--wanted", "fast"]):
+    for wrong in (
+        [],
+        ["--wanted", "3"],
+        ["--wanted", "10 cm/s", "--wanted", "3"],
+        ["--wanted", "3 rad/s"],
+        ["--wanted", "fast"],
+    ):
         with pytest.raises(SystemExit) as ended:
             main([*call, *wrong])
         assert ended.value.code == 2
@@ -65,3 +72,35 @@ def test_an_output_that_measures_something_else_is_refused(tmp_path: Path) -> No
     file = str(recording(tmp_path))
     with Twin.open(TWINS / "robot1d.toml") as twin, pytest.raises(UsageError, match="--output"):
         inverse(twin.prospect(None, file).basis, [1.0], "K", ("v", ""), file)
+
+
+def heated(seed: int, rows: int = 4320) -> tuple[Twin, dict[str, np.ndarray]]:
+    """A box that is heated over days, in a room of 20 to 22 degC."""
+    rng = np.random.default_rng(seed)
+    twin = Twin(TwinSpec("oven", ModelSpec("thermal")))
+    u = np.stack([np.repeat(rng.uniform(0.0, 0.8, rows // 120), 120),
+                  294.15 + np.sin(np.arange(rows) / 200.0)], axis=1)  # fmt: skip
+    p = twin.model.parameters.values
+    _, y = twin.model.simulate(twin.model.initial(p), u, np.full(rows, 60.0), p)
+    box = y[:, 0] + rng.normal(0.0, 0.1, rows)
+    return twin, {"t": 60.0 * np.arange(rows), "heater": u[:, 0], "room": u[:, 1], "box": box}
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_temperature_settles_in_the_room_that_was_recorded(seed: int) -> None:
+    twin, rows = heated(seed)
+    basis = twin.prospect().basis
+    found = inverse(basis, [323.15], "K", ("heater", "box"), rows)
+    (one,) = found.answers
+    assert one.set_point is not None and found.direct and "room at 294" in found.note
+    p, held = twin.model.parameters.values, np.tile([one.set_point, 294.15], (5000, 1))
+    _, y = twin.model.simulate(twin.model.initial(p), held, np.full(5000, 60.0), p)
+    assert y[-1, 0] == pytest.approx(323.15, abs=0.5)
+
+
+def test_what_still_drifts_has_no_map() -> None:
+    """Over ten minutes the box has not moved by a hundredth of its temperature in kelvin."""
+    twin, rows = heated(0)
+    rows["t"] = 0.001 * np.arange(len(rows["t"]))
+    with pytest.raises(UsageError, match="does not settle within 5120 rows"):
+        inverse(twin.prospect().basis, [323.15], "K", ("heater", "box"), rows)

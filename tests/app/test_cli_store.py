@@ -90,6 +90,21 @@ def test_what_never_ran_has_nothing_to_repair(call: Command, folder: Path) -> No
     assert not (folder / "robot.db").exists()
 
 
+def test_a_sound_store_stays(call: Command, ran: Path) -> None:
+    done = call("store", "repair", "robot.toml")
+    assert done.code == 0 and "all of them sound: nothing to repair" in done.out
+    assert not list(ran.parent.glob("robot.db.corrupt*"))
+    missing = call("store", "export", "robot.toml", "x.csv")
+    assert missing.code == 2 and "pushed to a running twin" in missing.err
+    other = call("store", "export", "robot.toml", "x.csv", "--source", "gps")
+    assert other.code == 2 and "no source is 'gps'" in other.err
+
+
+def test_a_label_has_a_reason(call: Command, ran: Path) -> None:
+    done = call("label", "robot.toml", "2", "true", "--reason", " ")
+    assert done.code == 2 and "expected a reason" in done.err
+
+
 def test_a_damaged_store_is_told_and_repaired(call: Command, ran: Path) -> None:
     changed(ran)
     told = call("store", "verify", "robot.toml")

@@ -3,7 +3,9 @@
 The live version is simulated with each set-point held until it has settled; the rate of its output
 over the set-points is the map. Its inverse need not exist: below a start threshold nothing moves,
 or nothing moves that slowly, and a cap is not passed. Then the nearest speeds that can be had are
-told. Set-points are asked only where the recordings have some: beyond, nobody knows the map.
+told. Set-points are asked only where the recordings have some: beyond, nobody knows the map. So the
+other inputs are held at zero only where the recordings have that, else at their median, and this is
+said.
 
 What the set-point will really give is uncertain by the parameters' intervals, and by how far
 open-loop runs over the recordings were off after the same time.
@@ -25,21 +27,28 @@ import numpy as np
 from evertwin.ahead.basis import Basis, draws
 from evertwin.ahead.spread import spread
 from evertwin.errors import DataError, UsageError
+from evertwin.fold import Block
 from evertwin.models import Model
 from evertwin.rows.feed import Data
 from evertwin.signals.planar import wrapped
-from evertwin.signals.units import compatible
-from evertwin.types import Json, ParameterVector, Vector
+from evertwin.signals.units import compatible, from_si
+from evertwin.types import Float64, Json, ParameterVector, Vector
 
 POINTS = 101
 """Set-points that the map is told at."""
-LEAST, MOST = 20, 640
+LEAST, MOST = 20, 5120
 """Rows that a set-point is held for at least, and at most until it has settled."""
 SETTLED = 0.01
 """Change of the rate from one quarter of this time to the next that is none, as a share."""
+STAYS = 0.05
+"""The same from there to the longest time: a slow drift has not settled."""
 CLOSE = 0.005
 """How near a speed must come to be had, as a share of the map's height."""
 BISECTIONS = 40
+ALONE = (
+    "recordings are too short to tell how far open-loop runs are off: intervals are of the "
+    "parameters alone"
+)
 DRAWS = 64
 
 
@@ -87,7 +96,9 @@ class Inverse:
     """That they settle at."""
     answers: tuple[SetPoint, ...]
     note: str
-    """What the intervals leave out; empty: nothing."""
+    """What is held beside it, and what the intervals leave out; empty: nothing."""
+    direct: bool = False
+    """Is the output what is wanted, and not its rate?"""
 
 
 def inverse(
@@ -114,19 +125,20 @@ def inverse(
     if not len(seen) or not np.ptp(seen) > 0:
         raise DataError(f"setpoint: {name} never varies in the recordings: nothing tells its map")
     dt = float(np.median(np.concatenate([block.dt[1:] for block in rows])))
-    drive = _Drive(model, (told, given), dt, compatible(model.outputs.channels[given].unit, unit))
+    beside, note = _others(basis, rows, told)
+    direct = compatible(model.outputs.channels[given].unit, unit)
+    drive = _Drive(model, (told, given), dt, direct, beside)
     u = np.unique(np.r_[np.linspace(seen.min(), seen.max(), POINTS), 0.0])
     u = u[(u >= seen.min()) & (u <= seen.max())]
     steps = drive.settles(p, u)
     rates = np.array([drive.rate(p, float(one), steps) for one in u])
-    note, off = "", 0.0
+    off = 0.0
     try:
         long = steps * dt
         off = float(spread(model, p, basis.alike(rows), long).sigma(np.array([long]))[0, given])
         off /= 1.0 if drive.direct else long
     except DataError:
-        note = "recordings are too short to tell how far open-loop runs are off: intervals are of "
-        note += "the parameters alone"
+        note = "; ".join([*([note] if note else []), ALONE])
     ps = draws(model, p, basis.sigma, DRAWS, seed=7) if basis.sigma.any() else p[None]
 
     def answer(speed: float) -> SetPoint:
@@ -143,23 +155,41 @@ def inverse(
 
     return Inverse(
         (name, model.outputs.names[given]), model.inputs.channels[told].unit, unit, basis.champion,
-        u, rates, tuple(answer(speed) for speed in wanted), note,
+        u, rates, tuple(answer(speed) for speed in wanted), note, direct,
     )  # fmt: skip
+
+
+def _others(
+    basis: Basis, rows: Sequence[Block], told: int
+) -> tuple[Float64[np.ndarray, " nu"], str]:
+    """What each input is held at while another is set, and those that are not at zero in words."""
+    u = np.concatenate([block.u for block in rows])
+    held, said = np.zeros(u.shape[1]), list[str]()
+    for k, channel in enumerate(basis.model.inputs):
+        known = u[np.isfinite(u[:, k]), k]
+        if k == told or not len(known) or known.min() <= 0.0 <= known.max():
+            continue
+        held[k] = np.median(known)
+        unit = basis.recorded.get(channel.name) or channel.unit
+        said.append(f"{channel.name} at {float(from_si(held[k], unit)):.4g} {unit}")
+    return held, f"held beside it: {', '.join(said)}" if said else ""
 
 
 @dataclass(frozen=True)
 class _Drive:
-    """One input and one output of a model, its other inputs at zero."""
+    """One input and one output of a model."""
 
     model: Model
     columns: tuple[int, int]
     dt: float
     direct: bool
     """The output is the speed itself; else its rate is."""
+    beside: Float64[np.ndarray, " nu"]
+    """What the inputs are held at, (nu,); that of the one that is set does not matter."""
 
     def course(self, p: ParameterVector, u: float, steps: int) -> Vector:
         """Speed after each row but the first."""
-        told = np.zeros((steps, len(self.model.inputs)))
+        told = np.tile(self.beside, (steps, 1))
         told[:, self.columns[0]] = u
         _, y = self.model.simulate(self.model.initial(p), told, np.full(steps, self.dt), p)
         one = y[:, self.columns[1]]
@@ -174,19 +204,31 @@ class _Drive:
         course = self.course(p, u, steps)
         return float(course[-(len(course) // 4) :].mean())
 
+    def _quarters(
+        self, p: ParameterVector, u: Vector, steps: int
+    ) -> tuple[Float64[np.ndarray, "set n"], Float64[np.ndarray, "set n"]]:
+        """The last quarter of the courses of some set-points, and the one before it."""
+        courses = np.stack([self.course(p, float(one), steps) for one in u])
+        quarter = courses.shape[1] // 4
+        return courses[:, -quarter:], courses[:, -2 * quarter : -quarter]
+
     def settles(self, p: ParameterVector, u: Vector) -> int:
         """Rows after which all set-points have settled.
 
         Raises:
             UsageError: some never do: there is no map from set-point to speed.
         """
+        some = u[:: POINTS // 10]
+        longest, _ = self._quarters(p, some, MOST)
+        # the zero of a temperature tells nothing of its size
+        warm = self.direct and self.model.outputs.temperatures[self.columns[1]]
+        reach = max(float(np.ptp(longest) if warm else np.abs(longest).max()), 1e-12)
         steps = LEAST
         while steps <= MOST:
-            courses = np.stack([self.course(p, float(one), steps) for one in u[:: POINTS // 10]])
-            quarter = courses.shape[1] // 4
-            last, before = courses[:, -quarter:], courses[:, -2 * quarter : -quarter]
-            change = np.abs(last.mean(axis=1) - before.mean(axis=1)).max()
-            if change <= SETTLED * max(float(np.abs(last).max()), 1e-12):
+            last, before = self._quarters(p, some, steps)
+            size = reach if warm else max(float(np.abs(last).max()), 1e-12)
+            still = np.abs(last.mean(axis=1) - before.mean(axis=1)).max() <= SETTLED * size
+            if still and np.abs(last.mean(axis=1) - longest.mean(axis=1)).max() <= STAYS * size:
                 return steps
             steps *= 2
         raise UsageError(

@@ -79,7 +79,15 @@ def repair_store(twin: Path, as_json: bool) -> None:
     if not path.is_file():
         raise UsageError(f"{path}: no such store: nothing to repair")
     with closing(SqliteStore(path)) as store:
-        event = store.recovered or store.repair()
+        event = store.recovered
+        if event is None:
+            try:
+                count = store.verify(None)
+            except StoreDamaged:
+                event = store.repair()
+    if event is None:
+        content = {"schema": "evertwin.verify/1", "entries": count}
+        return show(content, f"{count} entries, all of them sound: nothing to repair", as_json)
     show({"schema": "evertwin.event/1", "event": event}, event.reason, as_json)
 
 
@@ -145,8 +153,14 @@ def export_samples(
             if chunks:
                 found[one.name] = _series(one, chunks)
     if not found:
-        names = ", ".join(one.name for one in spec.source)
-        raise UsageError(f"{path}: no samples in that time; the sources are {names}")
+        names = ", ".join(one.name for one in spec.source if source in ("", one.name))
+        if not names:
+            known = ", ".join(one.name for one in spec.source)
+            raise UsageError(f"{path}: no source is {source!r}, there are {known}")
+        raise UsageError(
+            f"{path}: no samples of {names} in that time: kept is what was pushed to a running "
+            "twin; recordings stay in their files"
+        )
     write(file, found)
     counts = {name: len(series.t) for name, series in found.items()}
     content = {"schema": "evertwin.samples/1", "file": str(file), "samples": counts}

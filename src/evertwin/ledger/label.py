@@ -27,7 +27,8 @@ class Label:
     """What is said. ``rows``: first and last one, in the numbers of the event's run.
 
     Raises:
-        UsageError: a cause without a name, a name without a cause, rows that end before they begin.
+        UsageError: no reason, a cause without a name, a name without a cause, rows that end before
+            they begin.
 
     >>> Label(7, "cause", "a new bearing", cause="friction").cause
     'friction'
@@ -46,6 +47,8 @@ class Label:
     """None: those that the event is about."""
 
     def __post_init__(self) -> None:
+        if not self.reason.strip():
+            raise UsageError("label: expected a reason: it is kept with what is said")
         if bool(self.cause) != (self.verdict == "cause"):
             raise UsageError("label: the verdict cause, and it alone, names a cause")
         if self.rows is not None and (self.verdict != "faulty" or self.rows[0] > self.rows[1]):
