@@ -131,10 +131,10 @@ class _Plan(NamedTuple):
             row = int(np.argmin(np.isfinite(column)))
             raise DataError(f"{self.table.name}: row {row + 1} lacks {name}")
         if given and held:
-            return column[fine.row]
+            return np.asarray(column[fine.row])
         speed = f"qd{name[1:]}"
         if given and (not name.startswith("q") or speed not in inputs.names or self.has(speed)):
-            return np.interp(fine.at, t, column)
+            return np.asarray(np.interp(fine.at, t, column))
         course: Any = scipy.interpolate.CubicSpline(t, column)
         return np.asarray(course(fine.at, 0 if given else order))
 
