@@ -12,7 +12,7 @@ import pytest
 
 from evertwin.app.cli import main
 from evertwin.errors import DataError
-from evertwin.features import mapping
+from evertwin.features import mapping, pose_graph
 from evertwin.features.mapping import Mapped, followed, mapped, surface_of
 from evertwin.features.occupancy import FREE, OCCUPIED, UNKNOWN, counted, of_keyframes, read, save
 from evertwin.features.open_ways import evened
@@ -100,6 +100,51 @@ def test_a_loop_is_closed_and_a_wrong_one_weighs_little() -> None:
     assert np.hypot(*good.poses[40, :2]) < 0.05
     assert np.hypot(*(both.poses[20] - good.poses[20])[:2]) < 0.5
     assert good.covariances[20, 0, 0] > good.covariances[2, 0, 0] > 0
+
+
+def there_and_back(seed: int) -> tuple[np.ndarray, list[Edge]]:
+    """Firm steps, but one of a bare corridor each way; and the places that are passed again."""
+    rng = np.random.default_rng(seed)
+    out = 0.36 * np.arange(60)
+    way = np.column_stack([np.r_[out, out[::-1]], np.zeros(120), np.repeat([0.0, np.pi], 60)])
+    firm = np.diag(10 ** rng.uniform(-8.3, -7.3, 3))
+    gap = np.diag([rng.uniform(2, 20), 1e-5, 2e-6])
+    wide = [30, 31, 88, 89]
+    steps = [
+        Edge(k, k + 1, between(way[k], way[k + 1]), gap if k in wide else firm) for k in range(119)
+    ]
+    open_ = [
+        Edge(k, 119 - k, between(way[k], way[119 - k]), np.diag([1.0, 1e-5, 3e-6]), loop=True)
+        for k in range(10, 50, 2)
+    ]
+    return way, steps + open_
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_bare_corridor_is_an_open_direction_of_the_graph(seed: int) -> None:
+    """It ended with "Indeterminate linear system"; nothing was written."""
+    way, edges = there_and_back(seed)
+    found = optimised(way, edges)
+    spread = np.sqrt(found.covariances[:, 0, 0])
+    assert not found.failed and np.allclose(found.poses[:, :2], way[:, :2], atol=1e-3)
+    assert spread[30] < 0.02 and spread[40] > 1.0
+    alone = pose_graph._along(way, edges)
+    assert np.allclose(alone[:30], found.covariances[:30], rtol=0.05, atol=1e-6)
+    assert alone[40, 0, 0] >= found.covariances[40, 0, 0]
+
+
+def test_a_graph_that_cannot_be_solved_leaves_what_was_followed(
+    drive: tuple[Scans, np.ndarray, Mapped], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(*_: object) -> None:
+        raise RuntimeError("Indeterminate linear system")
+
+    monkeypatch.setattr(pose_graph, "_fitted", fails)
+    found = mapped(drive[0])
+    assert "as they were followed" in " ".join(found.findings)
+    assert trajectory_error(found.poses.pose, drive[1]).absolute < 0.3
+    spread = np.trace(found.poses.covariance[:, :2, :2], axis1=1, axis2=2)
+    assert spread[-1] > spread[len(spread) // 4] > 0
 
 
 def test_the_map_is_that_of_map_server(

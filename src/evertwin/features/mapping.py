@@ -207,6 +207,8 @@ def mapped(scans: Scans, use_odometry: bool = True) -> Mapped:
         )
     poses, anchors = found_again(scans, poses)
     one = solved(scans, poses, anchors)
+    if one.graph.failed:
+        said.append("no map fits all that was seen: poses are as they were followed, loops open")
     return Mapped(
         _all(poses, one.keys, one.graph), one.graph.poses, one.surfaces, one.loops, took, fused,
         scans.lidar, (*scans.findings, *troubles(scans), *said),
