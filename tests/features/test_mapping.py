@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from evertwin.app import mapping as app_mapping
 from evertwin.app.cli import main
 from evertwin.errors import DataError
 from evertwin.features import mapping, pose_graph
@@ -263,6 +264,25 @@ def test_the_commands(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Non
         pose[0] - float(rows[30]["x"]), pose[1] - float(rows[30]["y"])
     ) < 0.1  # type: ignore[index]  # fmt: skip
     assert (out / "map.png").stat().st_size > 1000
+
+
+def test_headings_of_poses_csv_are_of_one_turn(
+    drive: tuple[Scans, np.ndarray, Mapped], tmp_path: Path
+) -> None:
+    """They ran on to -36 rad; and of a reference an empty pose took all those behind it."""
+    scans, _, found = drive
+    n, file = len(scans.t), tmp_path / "poses.csv"
+    pose = found.poses.pose + np.array([0.0, 0.0, -36.0])
+    pose[:, 2] -= np.linspace(0, 12, n)
+    pose[n // 2] = np.nan
+    app_mapping._write(found.poses._replace(pose=pose), file)
+    theta = np.array(
+        [float(row["theta"] or "nan") for row in csv.DictReader(file.read_text().splitlines())]
+    )
+    assert np.nanmax(np.abs(theta)) <= np.pi and np.isnan(theta[n // 2])
+    again = app_mapping._reference(scans, str(file))
+    off = np.abs(np.delete(again - pose, n // 2, axis=0))
+    assert off[:, :2].max() < 1e-6 and np.abs(np.exp(1j * off[:, 2]) - 1).max() < 1e-6
 
 
 def test_bad_calls_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

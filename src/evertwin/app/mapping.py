@@ -18,6 +18,7 @@ from evertwin.features.relocalisation import View, located
 from evertwin.features.slips import Slip, slips
 from evertwin.features.trajectory_error import TrajectoryError, trajectory_error
 from evertwin.report.map_picture import draw_map
+from evertwin.signals.planar import wrapped
 from evertwin.sources.bag_scans import scans_of
 from evertwin.sources.recording import open_recording
 from evertwin.sources.scans import Scans
@@ -92,18 +93,23 @@ def _write(poses: Poses, file: Path) -> None:
     rows = zip(poses.t, poses.pose, poses.covariance, poses.fix, poses.share, poses.segment)
     lines = [",".join(COLUMNS)]
     for t, pose, covariance, fix, share, segment in rows:
-        numbers = [*pose, *covariance[upper]]
+        numbers = [*_shown(pose), *covariance[upper]]
         cells = ["" if math.isnan(v) else f"{v:.9g}" for v in numbers]
         word = Fix(int(fix)).name.lower()
         lines.append(",".join([str(int(t)), *cells, word, f"{share:.3f}", str(int(segment))]))
     file.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
+def _shown(pose: np.ndarray) -> np.ndarray:
+    """With a heading from -π to π: one that was followed counts its turns."""
+    return np.array([*pose[:2], wrapped(pose[2])])
+
+
 def _write_fused(fused: Fused, file: Path) -> None:
     upper = np.triu_indices(3)
     lines = [",".join([*COLUMNS[:10], "segment"])]
     for t, pose, covariance, segment in zip(*fused[:4], strict=True):
-        numbers = (f"{v:.9g}" for v in [*pose, *covariance[upper]])
+        numbers = (f"{v:.9g}" for v in [*_shown(pose), *covariance[upper]])
         lines.append(",".join([str(int(t)), *numbers, str(int(segment))]))
     file.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
@@ -118,8 +124,10 @@ def _reference(scans: Scans, against: str) -> np.ndarray:
     names = table.dtype.names or ()
     if not {"t_ns", "x", "y", "theta"} <= set(names):
         raise UsageError(f"--against {against}: expected columns t_ns, x, y, theta; got {names}")
-    at = table["t_ns"]
-    whole = np.column_stack([table["x"], table["y"], np.unwrap(table["theta"])])
+    at, heading = table["t_ns"], table["theta"]
+    known = np.isfinite(heading)
+    heading[known] = np.unwrap(heading[known])
+    whole = np.column_stack([table["x"], table["y"], heading])
     return np.column_stack([np.interp(scans.t, at, c, np.nan, np.nan) for c in whole.T])
 
 
@@ -208,7 +216,7 @@ def find_place(chart: Path, file: Path, number: int, topics: Topics, as_json: bo
         )
         return
     sigma = np.sqrt(np.diag(found.covariance))
-    pose = found.pose.tolist()
+    pose = _shown(found.pose).tolist()
     show(
         {**content, "pose": pose, "covariance": found.covariance},
         f"x {pose[0]:.3f} ± {sigma[0]:.3f} m, y {pose[1]:.3f} ± {sigma[1]:.3f} m, heading "
