@@ -296,11 +296,25 @@ def test_bad_calls_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str
         ("map", str(log), "-o", str(tmp_path / "a"), "--against", str(table)): 2,
         ("locate", str(tmp_path / "none.yaml"), str(log)): 4,
         ("locate", str(tmp_path / "none.yaml"), str(log), "--number", "9999"): 2,
+        ("map", str(log), "-o", str(tmp_path / "a"), "--step", "1"): 2,  # it says its angles
     }
     for call, code in calls.items():
         with pytest.raises(SystemExit) as ended:
             main(list(call))
         assert ended.value.code == code, capsys.readouterr().err
+
+
+def test_a_log_that_does_not_say_its_angles_is_read_by_those_that_are_given(
+    tmp_path: Path,
+) -> None:
+    log = tmp_path / "run.log"
+    line = "FLASER 5 1 2 3 2 1 0 0 0 0 0 0 {0}.5 host {0}.5"
+    log.write_text("\n".join(line.format(k) for k in range(4)) + "\n")
+    scans = app_mapping.only_lidar(log, app_mapping.Topics())
+    assert scans.lidar.step == np.pi / 4 and "says nothing of its angles" in scans.findings[0]
+    given = app_mapping.only_lidar(log, app_mapping.Topics(step=60.0))
+    assert given.lidar.angles(5) == pytest.approx(np.radians([-120, -60, 0, 60, 120]))
+    assert not any("angles" in line for line in given.findings)
 
 
 def test_a_segment_joins_where_two_parts_of_it_place_it_alike(

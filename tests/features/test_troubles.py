@@ -120,6 +120,16 @@ def test_ranges_of_another_scale_than_the_wheels_are_named(
     assert named is not None and float(named[1]) == pytest.approx(factor, rel=0.1)
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_beams_that_are_further_apart_than_was_taken_are_named(seed: int) -> None:
+    one = Sensor(beams=240, step=np.radians(1.0), apart=0.1)
+    scans, _ = recorded(seed, one, laps=0.3, slip=0.05)
+    assert "as far as the wheels" not in told(mapped(scans))
+    narrow = replace(scans.lidar, start=0.6 * scans.lidar.start, step=0.6 * scans.lidar.step)
+    named = re.search(r"beams are ([\d.]+)° apart", told(mapped(replace(scans, lidar=narrow))))
+    assert named is not None and float(named[1]) == pytest.approx(1.0, rel=0.1)
+
+
 def test_scans_of_few_beams_are_not_said_to_see_nothing() -> None:
     seen = np.full((6, 40), np.nan)
     seen[:, :3] = 2.0 + 0.01 * np.random.default_rng(0).normal(size=(6, 3))

@@ -21,7 +21,7 @@ from evertwin.report.map_picture import draw_map
 from evertwin.signals.planar import wrapped
 from evertwin.sources.bag_scans import scans_of
 from evertwin.sources.recording import open_recording
-from evertwin.sources.scans import Scans
+from evertwin.sources.scans import Lidar, Scans
 
 COLUMNS = (
     "t_ns", "x", "y", "theta", "var_x", "cov_xy", "cov_xtheta", "var_y", "cov_ytheta", "var_theta",
@@ -40,6 +40,8 @@ class Topics(NamedTuple):
 
     scan: str = ""
     odometry: str = ""
+    step: float = 0.0
+    """From beam to beam, of a lidar that does not say it [°]; 0: as it is taken."""
 
 
 def make_map(
@@ -76,7 +78,7 @@ def only_lidar(file: Path, topics: Topics) -> Scans:
     if not file.exists():
         raise DataError(f"{file}: no such file")
     recording = open_recording(file)
-    found = scans_of(recording, *topics)
+    found = scans_of(recording, topics.scan, topics.odometry)
     if not found:
         raise DataError(
             f"{file}: expected scans (LaserScan of a bag, FLASER or ROBOTLASER of a CARMEN log), "
@@ -85,7 +87,16 @@ def only_lidar(file: Path, topics: Topics) -> Scans:
     others = [one.name for one in found[1:]]
     also = (f"of {found[0].name}; there is {', '.join(others)} besides",) if others else ()
     cut = [note for note in recording.notes if "broke off" in note]
-    return replace(found[0], findings=(*also, *cut, *found[0].findings))
+    one, assumed = found[0], [found[0].assumed] * bool(found[0].assumed)
+    if topics.step:
+        if not assumed or topics.step < 0:
+            raise UsageError(
+                f"--step {topics.step:g}: expected above 0°, and scans that do not say their "
+                f"angles (FLASER), not {one.name}"
+            )
+        step, assumed = math.radians(topics.step), []
+        one = replace(one, lidar=Lidar.ahead(one.ranges.shape[1], step, one.lidar.longest))
+    return replace(one, findings=(*also, *cut, *assumed, *one.findings))
 
 
 def _write(poses: Poses, file: Path) -> None:
@@ -102,7 +113,7 @@ def _write(poses: Poses, file: Path) -> None:
 
 def _shown(pose: np.ndarray) -> np.ndarray:
     """With a heading from -π to π: one that was followed counts its turns."""
-    return np.array([*pose[:2], wrapped(pose[2])])
+    return np.concatenate([pose[:2], wrapped(pose[2:])])
 
 
 def _write_fused(fused: Fused, file: Path) -> None:
