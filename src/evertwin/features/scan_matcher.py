@@ -100,8 +100,6 @@ FOUND = 0.6
 """Share of a scan from which on a lost robot is found again."""
 FAR, OPEN = 1.0, 0.5
 """Spread of a pose from which on it is none: by the wheels, and by habit alone [m]."""
-UNKNOWN = 4.0
-"""How far the way along a corridor may be off what habit has it, before it is of no use [m]."""
 FIRM = 0.1
 """The same for one that is found again: much may look alike [m]."""
 
@@ -328,7 +326,7 @@ class ScanMatcher:
             if blind and state.open > PATIENCE:  # it may have moved on
                 state = state._replace(map=joined(ring, scan, pose))
             return state, Row(share=fit.share, segment=state.segment)
-        if blind and state.open * habits.spread > UNKNOWN:
+        if blind and state.open > PATIENCE:
             state = state._replace(map=empty(self.beams), segment=state.segment + 1)
             return self._begun(state, scan, True)
         return state._replace(open=0), row
@@ -379,7 +377,7 @@ def _expected(state: Following, went: Motion, blind: bool, dt: float) -> tuple[B
         window = at.pose, min(half, WIDEST * (1 + far)), min(turn, math.pi)
         likely = Expected(at.pose, spread, window, places, weights)
         likely = likely._replace(pose=places[likely.densities(places).sum(axis=1).argmax()])
-        return at.moved(at.t + lasts, likely.pose, spread), likely
+        return at.moved(at.t + lasts, likely.pose, spread + likely.others), likely
     wheels = between(state.moved[:3] - went[:3], state.moved[:3])
     ahead = predicted(state.belief, Step(lasts, wheels, float(went[3])))
     way, turn = math.hypot(wheels[0], wheels[1]), abs(wheels[2])
