@@ -153,6 +153,8 @@ class Following(NamedTuple):
     open: int
     """Scans that were matched since, but told no place along their walls."""
     segment: int
+    carried: bool = False
+    """Did its beams pass through walls of the map, while its wheels said that it was there?"""
 
 
 class Row(NamedTuple):
@@ -244,6 +246,8 @@ class ScanMatcher:
             fits = fit(scan, view, expected._replace(window=window), sure)
         if state.lost and len(fits) > 1:  # two places alike: neither is told
             fits = [fits[0]._replace(share=0.0)]
+        if state.carried and state.lost > BRIEFLY:  # what is alike elsewhere is for the whole map
+            fits = []
         here, good = [], []
         for one in fits:
             usual = blind and expected.square(one.pose) < UNUSUAL
@@ -260,7 +264,9 @@ class ScanMatcher:
             yield *self._matched(state._replace(map=ring), scan, one, ahead, way), one.worth
         if not good:
             share = max((one.share for one in here), default=0.0)
-            carried = blind or len(here) < len(fits)
+            through = len(here) < len(fits)
+            state = state._replace(carried=state.carried or (through and not blind))
+            carried = blind or through
             worth = math.log(UNSEEN) * SOME / ALIKE if telling else 0.0
             yield *self._unmatched(state, scan if telling else None, ahead, carried, share), worth
 
@@ -295,7 +301,7 @@ class ScanMatcher:
             return state, Row(segment=state.segment)
         pose = state.belief.pose
         state = state._replace(
-            map=joined(state.map, scan, pose), lost=0, open=0,
+            map=joined(state.map, scan, pose), lost=0, open=0, carried=False,
             belief=state.belief.moved(state.belief.t, pose, np.zeros((3, 3))),
         )  # fmt: skip
         firm = Sighting(pose, np.linalg.inv(COMMON))
@@ -316,7 +322,7 @@ class ScanMatcher:
         habits = state.habits
         if not (state.lost or _off(spread, FIRM)):  # else it is what was expected
             habits = habits.learnt(step)
-        state = state._replace(map=ring, belief=found.belief, habits=habits, lost=0)
+        state = state._replace(map=ring, belief=found.belief, habits=habits, lost=0, carried=False)
         row = Row(
             pose.copy(), spread, Fix.MATCHED, fit.share, state.segment, fit.sighting, found.slip,
             found.belief.scale,
