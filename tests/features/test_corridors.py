@@ -80,3 +80,27 @@ def test_slip_may_end_where_no_scan_tells(seed: int) -> None:
         if k == 149:
             assert belief.scale == pytest.approx(0.625, abs=0.03)
     assert abs(belief.pose[0] - x) < 2.5 * np.sqrt(belief.covariance[0, 0])
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_few_noisy_points_at_the_edge_of_a_scan_have_no_direction(seed: int) -> None:
+    """One that faced along a corridor told the place there to a centimetre."""
+    rng, angles, odd = np.random.default_rng(seed), np.radians(np.arange(-90, 91, 1.0)), 0
+    with np.errstate(divide="ignore"):
+        walls = 1 / np.abs(np.sin(angles))
+    for _ in range(40):
+        found = np.zeros((len(angles), 4))
+        seen = np.where(walls < 8, walls + rng.normal(0, 0.02, len(angles)), np.nan)
+        count = surface(seen, angles, found)
+        odd += int((np.abs(found[:count, 2]) > 0.4).sum())
+    assert odd <= 5
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_robot_that_drives_off_is_not_sure_to_stand(seed: int) -> None:
+    """Without odometry; all it did so far was to stand."""
+    x = np.r_[np.full(20, 2.0), np.arange(2.0, 38.0, 0.12)]
+    found = mapped(scanned(x, seed))
+    told = (found.poses.fix != Fix.LOST) & (found.poses.segment == 0)
+    way = found.poses.pose[told, 0] - (x[told] - x[0])
+    assert told.sum() > 30 and np.abs(way).max() < 0.8

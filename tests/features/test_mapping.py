@@ -10,9 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from evertwin.app import mapping as app_mapping
 from evertwin.app.cli import main
 from evertwin.errors import DataError
-from evertwin.features import mapping
+from evertwin.features import mapping, pose_graph
 from evertwin.features.mapping import Mapped, followed, mapped, surface_of
 from evertwin.features.occupancy import FREE, OCCUPIED, UNKNOWN, counted, of_keyframes, read, save
 from evertwin.features.open_ways import evened
@@ -100,6 +101,51 @@ def test_a_loop_is_closed_and_a_wrong_one_weighs_little() -> None:
     assert np.hypot(*good.poses[40, :2]) < 0.05
     assert np.hypot(*(both.poses[20] - good.poses[20])[:2]) < 0.5
     assert good.covariances[20, 0, 0] > good.covariances[2, 0, 0] > 0
+
+
+def there_and_back(seed: int) -> tuple[np.ndarray, list[Edge]]:
+    """Firm steps, but one of a bare corridor each way; and the places that are passed again."""
+    rng = np.random.default_rng(seed)
+    out = 0.36 * np.arange(60)
+    way = np.column_stack([np.r_[out, out[::-1]], np.zeros(120), np.repeat([0.0, np.pi], 60)])
+    firm = np.diag(10 ** rng.uniform(-8.3, -7.3, 3))
+    gap = np.diag([rng.uniform(2, 20), 1e-5, 2e-6])
+    wide = [30, 31, 88, 89]
+    steps = [
+        Edge(k, k + 1, between(way[k], way[k + 1]), gap if k in wide else firm) for k in range(119)
+    ]
+    open_ = [
+        Edge(k, 119 - k, between(way[k], way[119 - k]), np.diag([1.0, 1e-5, 3e-6]), loop=True)
+        for k in range(10, 50, 2)
+    ]
+    return way, steps + open_
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_bare_corridor_is_an_open_direction_of_the_graph(seed: int) -> None:
+    """It ended with "Indeterminate linear system"; nothing was written."""
+    way, edges = there_and_back(seed)
+    found = optimised(way, edges)
+    spread = np.sqrt(found.covariances[:, 0, 0])
+    assert not found.failed and np.allclose(found.poses[:, :2], way[:, :2], atol=1e-3)
+    assert spread[30] < 0.02 and spread[40] > 1.0
+    alone = pose_graph._along(way, edges)
+    assert np.allclose(alone[:30], found.covariances[:30], rtol=0.05, atol=1e-6)
+    assert alone[40, 0, 0] >= found.covariances[40, 0, 0]
+
+
+def test_a_graph_that_cannot_be_solved_leaves_what_was_followed(
+    drive: tuple[Scans, np.ndarray, Mapped], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(*_: object) -> None:
+        raise RuntimeError("Indeterminate linear system")
+
+    monkeypatch.setattr(pose_graph, "_fitted", fails)
+    found = mapped(drive[0])
+    assert "as they were followed" in " ".join(found.findings)
+    assert trajectory_error(found.poses.pose, drive[1]).absolute < 0.3
+    spread = np.trace(found.poses.covariance[:, :2, :2], axis1=1, axis2=2)
+    assert spread[-1] > spread[len(spread) // 4] > 0
 
 
 def test_the_map_is_that_of_map_server(
@@ -220,6 +266,25 @@ def test_the_commands(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Non
     assert (out / "map.png").stat().st_size > 1000
 
 
+def test_headings_of_poses_csv_are_of_one_turn(
+    drive: tuple[Scans, np.ndarray, Mapped], tmp_path: Path
+) -> None:
+    """They ran on to -36 rad; and of a reference an empty pose took all those behind it."""
+    scans, _, found = drive
+    n, file = len(scans.t), tmp_path / "poses.csv"
+    pose = found.poses.pose + np.array([0.0, 0.0, -36.0])
+    pose[:, 2] -= np.linspace(0, 12, n)
+    pose[n // 2] = np.nan
+    app_mapping._write(found.poses._replace(pose=pose), file)
+    theta = np.array(
+        [float(row["theta"] or "nan") for row in csv.DictReader(file.read_text().splitlines())]
+    )
+    assert np.nanmax(np.abs(theta)) <= np.pi and np.isnan(theta[n // 2])
+    again = app_mapping._reference(scans, str(file))
+    off = np.abs(np.delete(again - pose, n // 2, axis=0))
+    assert off[:, :2].max() < 1e-6 and np.abs(np.exp(1j * off[:, 2]) - 1).max() < 1e-6
+
+
 def test_bad_calls_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     table = tmp_path / "run.csv"
     table.write_text("t,x\n0,1\n1,2\n")
@@ -231,11 +296,25 @@ def test_bad_calls_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str
         ("map", str(log), "-o", str(tmp_path / "a"), "--against", str(table)): 2,
         ("locate", str(tmp_path / "none.yaml"), str(log)): 4,
         ("locate", str(tmp_path / "none.yaml"), str(log), "--number", "9999"): 2,
+        ("map", str(log), "-o", str(tmp_path / "a"), "--step", "1"): 2,  # it says its angles
     }
     for call, code in calls.items():
         with pytest.raises(SystemExit) as ended:
             main(list(call))
         assert ended.value.code == code, capsys.readouterr().err
+
+
+def test_a_log_that_does_not_say_its_angles_is_read_by_those_that_are_given(
+    tmp_path: Path,
+) -> None:
+    log = tmp_path / "run.log"
+    line = "FLASER 5 1 2 3 2 1 0 0 0 0 0 0 {0}.5 host {0}.5"
+    log.write_text("\n".join(line.format(k) for k in range(4)) + "\n")
+    scans = app_mapping.only_lidar(log, app_mapping.Topics())
+    assert scans.lidar.step == np.pi / 4 and "says nothing of its angles" in scans.findings[0]
+    given = app_mapping.only_lidar(log, app_mapping.Topics(step=60.0))
+    assert given.lidar.angles(5) == pytest.approx(np.radians([-120, -60, 0, 60, 120]))
+    assert not any("angles" in line for line in given.findings)
 
 
 def test_a_segment_joins_where_two_parts_of_it_place_it_alike(

@@ -14,7 +14,7 @@ from evertwin.features.poses import Fix
 from evertwin.features.troubles import troubles
 from evertwin.signals.planar import between, compose
 from evertwin.sources.scans import Lidar, Scans
-from planted.rooms import Sensor, recorded
+from planted.rooms import Sensor, box, ranges, recorded
 
 pytest.importorskip("gtsam", reason="the extra perception is not installed")
 SMALL = Sensor(beams=120, step=np.radians(3.0), apart=0.25)
@@ -109,6 +109,33 @@ def test_a_robot_that_is_carried_away_is_lost_and_found_again(
     assert np.nanmax(off(found, truth[order])[known & (np.arange(len(order)) >= n)]) < 0.2
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_robot_that_is_carried_among_pillars_that_repeat_is_not_placed_at_another(
+    seed: int,
+) -> None:
+    """After five scans one of the map around where it had been fitted: 9 m off, and sure."""
+    walls = np.concatenate(
+        [
+            box(0, 0, 32, 24),
+            *(box(4 * i - 12, 4 * k - 8, 0.4, 0.4) for i in range(7) for k in range(5)),
+        ]
+    )
+    rng, angles = np.random.default_rng(seed), np.radians(np.arange(-180.0, 180.0))
+    before, after = np.arange(-12.0, 2.7, 0.2), np.r_[np.full(4, -2.0), np.arange(-2.0, 2.0, 0.12)]
+    x, y = np.r_[before, after], np.r_[np.full(len(before), 6.0), np.full(len(after), -2.0)]
+    truth = np.column_stack([x, y, np.zeros(len(x))])
+    seen = np.array([ranges(walls, pose, angles) for pose in truth])
+    seen = np.where(seen < 10, seen + 0.02 * rng.normal(size=seen.shape), np.nan)
+    steps = np.where(np.diff(x) < 0, 0.0, np.diff(x)) * (1.02 + 0.02 * rng.normal(size=len(x) - 1))
+    wheels = np.column_stack([np.r_[0.0, np.cumsum(steps)], np.zeros((len(x), 2))])
+    t = np.arange(len(x), dtype=np.int64) * 2 * 10**8
+    lidar = Lidar(float(angles[0]), float(np.radians(1.0)), 10.0)
+    found = mapped(Scans("scan", t, seen, lidar, odometry=wheels))
+    here = (found.poses.segment == 0) & (found.poses.fix == Fix.MATCHED)
+    assert off(found, truth)[here].max() < 0.2 and here.sum() >= len(before) - 2
+    assert found.poses.fix[-1] == Fix.MATCHED
+
+
 @pytest.mark.parametrize("factor", [0.5, 2.0])
 def test_ranges_of_another_scale_than_the_wheels_are_named(
     drive: tuple[Scans, np.ndarray], factor: float
@@ -118,6 +145,16 @@ def test_ranges_of_another_scale_than_the_wheels_are_named(
     other = replace(scans, ranges=factor * scans.ranges)
     named = re.search(r"by the scans is ([\d.]+) times that by the wheels", told(mapped(other)))
     assert named is not None and float(named[1]) == pytest.approx(factor, rel=0.1)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_beams_that_are_further_apart_than_was_taken_are_named(seed: int) -> None:
+    one = Sensor(beams=240, step=np.radians(1.0), apart=0.1)
+    scans, _ = recorded(seed, one, laps=0.3, slip=0.05)
+    assert "as far as the wheels" not in told(mapped(scans))
+    narrow = replace(scans.lidar, start=0.6 * scans.lidar.start, step=0.6 * scans.lidar.step)
+    named = re.search(r"beams are ([\d.]+)° apart", told(mapped(replace(scans, lidar=narrow))))
+    assert named is not None and float(named[1]) == pytest.approx(1.0, rel=0.1)
 
 
 def test_scans_of_few_beams_are_not_said_to_see_nothing() -> None:

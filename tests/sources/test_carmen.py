@@ -128,6 +128,23 @@ def test_a_described_laser_says_its_angles(tmp_path: Path) -> None:
     assert np.isnan(scans.ranges[0, 2]) and scans.stated is not None and scans.t[0] == 5500000000
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_what_is_taken_for_angles_that_are_not_said_is_told(tmp_path: Path, seed: int) -> None:
+    """360 beams that look all around were called half a turn, and rubbish was called matched."""
+    rng, beams = np.random.default_rng(seed), 360
+    turn = np.exp(1j * np.radians(np.arange(beams)))
+    walls, path = np.exp(1j * rng.uniform(0, 2 * np.pi, COUNT)), tmp_path / "run.log"
+    seen = [4 + 2 * (turn * wall).real + rng.normal(0, 0.02, beams) for wall in walls]
+    path.write_text("\n".join(flaser(i, i, 0.0, r) for i, r in enumerate(seen)))
+    scans = only(path)
+    assert scans.lidar.step == pytest.approx(math.radians(1.0))
+    assert scans.lidar.start == pytest.approx(-math.pi)
+    assert "360 beams are taken to share 360°" in " ".join(inspect(path).scans[0].findings)
+    path.write_text("\n".join(flaser(i, i, 0.0, r[:181]) for i, r in enumerate(seen)))
+    assert only(path).lidar.start == pytest.approx(-math.pi / 2)
+    assert "181 beams are taken to share 180°, 1° apart" in only(path).assumed
+
+
 def test_damaged_lines_are_left_out_and_named(tmp_path: Path) -> None:
     path = log(tmp_path / "run.log", lambda i: 5 + i, lambda i: 5 + i)
     lines = path.read_text().splitlines()

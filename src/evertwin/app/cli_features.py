@@ -115,6 +115,7 @@ def tables(
         str, typer.Option(help="Pose of the map's origin in the world: 'X Y HEADING'.")
     ] = "0 0 0",
     scan: Annotated[str, typer.Option(help="Topic of the scans. Default: the first.")] = "",
+    step: Annotated[float, typer.Option(help="From beam to beam, as for map [°].")] = 0.0,
     as_json: AsJson = False,
 ) -> None:
     """Tables from the scans of a recording: boxes with covariance, costs, MuJoCo bodies.
@@ -133,4 +134,4 @@ def tables(
     asked = Asked(
         Inflation(radius, inflation), Plate(height, overhang, solid), pose_of(origin), three
     )
-    make_tables(recording, out, poses, asked, Topics(scan), as_json)
+    make_tables(recording, out, poses, asked, Topics(scan, step=step), as_json)

@@ -12,6 +12,10 @@ from evertwin.app.options import AsJson, Scans
 app = typer.Typer()
 Scan = Annotated[str, typer.Option(help="Topic of the scans. Default: the first one.")]
 
+Step = Annotated[
+    float, typer.Option(help="From beam to beam, of a log that does not say it (FLASER) [°].")
+]
+
 
 @app.command("map")
 def map_scans(
@@ -28,6 +32,7 @@ def map_scans(
     odometry: Annotated[
         str, typer.Option(help="Topic of the odometry. Default: the first of wheels.")
     ] = "",
+    step: Step = 0.0,
     as_json: AsJson = False,
 ) -> None:
     """Poses with covariance and an occupancy map from the scans of a recording.
@@ -36,7 +41,7 @@ def map_scans(
     """
     from evertwin.app.mapping import Topics, make_map
 
-    make_map(recording, out, against, ranges_alone, Topics(scan, odometry), as_json)
+    make_map(recording, out, against, ranges_alone, Topics(scan, odometry, step), as_json)
 
 
 @app.command()
@@ -45,6 +50,7 @@ def locate(
     recording: Scans,
     number: Annotated[int, typer.Option(help="Number of the scan, from 0.")] = 0,
     scan: Scan = "",
+    step: Step = 0.0,
     as_json: AsJson = False,
 ) -> None:
     """Where a scan was taken, from a map alone; or why that cannot be told.
@@ -53,4 +59,4 @@ def locate(
     """
     from evertwin.app.mapping import Topics, find_place
 
-    find_place(chart, recording, number, Topics(scan), as_json)
+    find_place(chart, recording, number, Topics(scan, step=step), as_json)

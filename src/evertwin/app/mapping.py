@@ -18,9 +18,10 @@ from evertwin.features.relocalisation import View, located
 from evertwin.features.slips import Slip, slips
 from evertwin.features.trajectory_error import TrajectoryError, trajectory_error
 from evertwin.report.map_picture import draw_map
+from evertwin.signals.planar import wrapped
 from evertwin.sources.bag_scans import scans_of
 from evertwin.sources.recording import open_recording
-from evertwin.sources.scans import Scans
+from evertwin.sources.scans import Lidar, Scans
 
 COLUMNS = (
     "t_ns", "x", "y", "theta", "var_x", "cov_xy", "cov_xtheta", "var_y", "cov_ytheta", "var_theta",
@@ -39,6 +40,8 @@ class Topics(NamedTuple):
 
     scan: str = ""
     odometry: str = ""
+    step: float = 0.0
+    """From beam to beam, of a lidar that does not say it [°]; 0: as it is taken."""
 
 
 def make_map(
@@ -75,7 +78,7 @@ def only_lidar(file: Path, topics: Topics) -> Scans:
     if not file.exists():
         raise DataError(f"{file}: no such file")
     recording = open_recording(file)
-    found = scans_of(recording, *topics)
+    found = scans_of(recording, topics.scan, topics.odometry)
     if not found:
         raise DataError(
             f"{file}: expected scans (LaserScan of a bag, FLASER or ROBOTLASER of a CARMEN log), "
@@ -84,7 +87,16 @@ def only_lidar(file: Path, topics: Topics) -> Scans:
     others = [one.name for one in found[1:]]
     also = (f"of {found[0].name}; there is {', '.join(others)} besides",) if others else ()
     cut = [note for note in recording.notes if "broke off" in note]
-    return replace(found[0], findings=(*also, *cut, *found[0].findings))
+    one, assumed = found[0], [found[0].assumed] * bool(found[0].assumed)
+    if topics.step:
+        if not assumed or topics.step < 0:
+            raise UsageError(
+                f"--step {topics.step:g}: expected above 0°, and scans that do not say their "
+                f"angles (FLASER), not {one.name}"
+            )
+        step, assumed = math.radians(topics.step), []
+        one = replace(one, lidar=Lidar.ahead(one.ranges.shape[1], step, one.lidar.longest))
+    return replace(one, findings=(*also, *cut, *assumed, *one.findings))
 
 
 def _write(poses: Poses, file: Path) -> None:
@@ -92,18 +104,23 @@ def _write(poses: Poses, file: Path) -> None:
     rows = zip(poses.t, poses.pose, poses.covariance, poses.fix, poses.share, poses.segment)
     lines = [",".join(COLUMNS)]
     for t, pose, covariance, fix, share, segment in rows:
-        numbers = [*pose, *covariance[upper]]
+        numbers = [*_shown(pose), *covariance[upper]]
         cells = ["" if math.isnan(v) else f"{v:.9g}" for v in numbers]
         word = Fix(int(fix)).name.lower()
         lines.append(",".join([str(int(t)), *cells, word, f"{share:.3f}", str(int(segment))]))
     file.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
+def _shown(pose: np.ndarray) -> np.ndarray:
+    """With a heading from -π to π: one that was followed counts its turns."""
+    return np.concatenate([pose[:2], wrapped(pose[2:])])
+
+
 def _write_fused(fused: Fused, file: Path) -> None:
     upper = np.triu_indices(3)
     lines = [",".join([*COLUMNS[:10], "segment"])]
     for t, pose, covariance, segment in zip(*fused[:4], strict=True):
-        numbers = (f"{v:.9g}" for v in [*pose, *covariance[upper]])
+        numbers = (f"{v:.9g}" for v in [*_shown(pose), *covariance[upper]])
         lines.append(",".join([str(int(t)), *numbers, str(int(segment))]))
     file.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
@@ -118,8 +135,10 @@ def _reference(scans: Scans, against: str) -> np.ndarray:
     names = table.dtype.names or ()
     if not {"t_ns", "x", "y", "theta"} <= set(names):
         raise UsageError(f"--against {against}: expected columns t_ns, x, y, theta; got {names}")
-    at = table["t_ns"]
-    whole = np.column_stack([table["x"], table["y"], np.unwrap(table["theta"])])
+    at, heading = table["t_ns"], table["theta"]
+    known = np.isfinite(heading)
+    heading[known] = np.unwrap(heading[known])
+    whole = np.column_stack([table["x"], table["y"], heading])
     return np.column_stack([np.interp(scans.t, at, c, np.nan, np.nan) for c in whole.T])
 
 
@@ -208,7 +227,7 @@ def find_place(chart: Path, file: Path, number: int, topics: Topics, as_json: bo
         )
         return
     sigma = np.sqrt(np.diag(found.covariance))
-    pose = found.pose.tolist()
+    pose = _shown(found.pose).tolist()
     show(
         {**content, "pose": pose, "covariance": found.covariance},
         f"x {pose[0]:.3f} ± {sigma[0]:.3f} m, y {pose[1]:.3f} ± {sigma[1]:.3f} m, heading "

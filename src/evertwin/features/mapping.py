@@ -27,7 +27,15 @@ from evertwin.features.relocalisation import PASSED, View, located, through
 from evertwin.features.scan_fit import COMMON
 from evertwin.features.scan_matcher import FAMILIAR, ScanMatcher, table
 from evertwin.features.stream import Stream, Turned
-from evertwin.features.troubles import ASKEW, askew, mirrored, scaled, troubles, without_body
+from evertwin.features.troubles import (
+    ASKEW,
+    askew,
+    mirrored,
+    overturned,
+    scaled,
+    troubles,
+    without_body,
+)
 from evertwin.fold import join, make_block, take
 from evertwin.signals.planar import between, compose
 from evertwin.sources.scans import Lidar, Scans
@@ -207,6 +215,8 @@ def mapped(scans: Scans, use_odometry: bool = True) -> Mapped:
         )
     poses, anchors = found_again(scans, poses)
     one = solved(scans, poses, anchors)
+    if one.graph.failed:
+        said.append("no map fits all that was seen: poses are as they were followed, loops open")
     return Mapped(
         _all(poses, one.keys, one.graph), one.graph.poses, one.surfaces, one.loops, took, fused,
         scans.lidar, (*scans.findings, *troubles(scans), *said),
@@ -225,9 +235,10 @@ def _upright(scans: Scans, use_odometry: bool) -> tuple[Scans, Followed, list[st
         scans = replace(scans, lidar=replace(one, start=-one.start, step=-one.step))
         said.append("the scans turn against the odometry: the beams are taken the other way round")
         found = followed(scans, use_odometry, look_ahead=True)
-    factor = scaled(found.poses.sighted, wheels)
-    said += [factor] * bool(factor)
-    angle = askew(_by_scans(scans, found), wheels)
+    sighted = _by_scans(scans, found)
+    factors = scaled(found.poses.sighted, wheels), overturned(sighted, wheels, scans.lidar.step)
+    said += filter(None, factors)
+    angle = askew(sighted, wheels)
     if angle is None or abs(angle) < ASKEW:
         return scans, found, said
     x, y, turn = scans.lidar.mount

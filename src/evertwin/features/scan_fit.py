@@ -112,6 +112,16 @@ class Expected(NamedTuple):
         tail = WHEELS if self.places is None else TAIL
         return np.asarray(weights * (1 + square / tail) ** (-0.5 * (tail + 3)))
 
+    @property
+    def others(self) -> Float64[np.ndarray, "3 3"]:
+        """Covariance of the places that it is expected in about the pose: a robot may go on as it
+        did before, and nothing but its scans tells which it does."""
+        found = np.zeros((3, 3))
+        if self.places is not None and self.weights is not None:
+            off = (self.places - self.pose)[:, :2]
+            found[:2, :2] = np.einsum("n,ni,nj->ij", self.weights, off, off)
+        return found
+
     def about(self, pose: Pose) -> Pose:
         """Which of the expected places leads to a pose."""
         return (

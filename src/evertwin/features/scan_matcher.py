@@ -100,8 +100,6 @@ FOUND = 0.6
 """Share of a scan from which on a lost robot is found again."""
 FAR, OPEN = 1.0, 0.5
 """Spread of a pose from which on it is none: by the wheels, and by habit alone [m]."""
-UNKNOWN = 4.0
-"""How far the way along a corridor may be off what habit has it, before it is of no use [m]."""
 FIRM = 0.1
 """The same for one that is found again: much may look alike [m]."""
 
@@ -155,6 +153,8 @@ class Following(NamedTuple):
     open: int
     """Scans that were matched since, but told no place along their walls."""
     segment: int
+    carried: bool = False
+    """Did its beams pass through walls of the map, while its wheels said that it was there?"""
 
 
 class Row(NamedTuple):
@@ -246,6 +246,8 @@ class ScanMatcher:
             fits = fit(scan, view, expected._replace(window=window), sure)
         if state.lost and len(fits) > 1:  # two places alike: neither is told
             fits = [fits[0]._replace(share=0.0)]
+        if state.carried and state.lost > BRIEFLY:  # what is alike elsewhere is for the whole map
+            fits = []
         here, good = [], []
         for one in fits:
             usual = blind and expected.square(one.pose) < UNUSUAL
@@ -262,7 +264,9 @@ class ScanMatcher:
             yield *self._matched(state._replace(map=ring), scan, one, ahead, way), one.worth
         if not good:
             share = max((one.share for one in here), default=0.0)
-            carried = blind or len(here) < len(fits)
+            through = len(here) < len(fits)
+            state = state._replace(carried=state.carried or (through and not blind))
+            carried = blind or through
             worth = math.log(UNSEEN) * SOME / ALIKE if telling else 0.0
             yield *self._unmatched(state, scan if telling else None, ahead, carried, share), worth
 
@@ -297,7 +301,7 @@ class ScanMatcher:
             return state, Row(segment=state.segment)
         pose = state.belief.pose
         state = state._replace(
-            map=joined(state.map, scan, pose), lost=0, open=0,
+            map=joined(state.map, scan, pose), lost=0, open=0, carried=False,
             belief=state.belief.moved(state.belief.t, pose, np.zeros((3, 3))),
         )  # fmt: skip
         firm = Sighting(pose, np.linalg.inv(COMMON))
@@ -318,7 +322,7 @@ class ScanMatcher:
         habits = state.habits
         if not (state.lost or _off(spread, FIRM)):  # else it is what was expected
             habits = habits.learnt(step)
-        state = state._replace(map=ring, belief=found.belief, habits=habits, lost=0)
+        state = state._replace(map=ring, belief=found.belief, habits=habits, lost=0, carried=False)
         row = Row(
             pose.copy(), spread, Fix.MATCHED, fit.share, state.segment, fit.sighting, found.slip,
             found.belief.scale,
@@ -328,7 +332,7 @@ class ScanMatcher:
             if blind and state.open > PATIENCE:  # it may have moved on
                 state = state._replace(map=joined(ring, scan, pose))
             return state, Row(share=fit.share, segment=state.segment)
-        if blind and state.open * habits.spread > UNKNOWN:
+        if blind and state.open > PATIENCE:
             state = state._replace(map=empty(self.beams), segment=state.segment + 1)
             return self._begun(state, scan, True)
         return state._replace(open=0), row
@@ -379,7 +383,7 @@ def _expected(state: Following, went: Motion, blind: bool, dt: float) -> tuple[B
         window = at.pose, min(half, WIDEST * (1 + far)), min(turn, math.pi)
         likely = Expected(at.pose, spread, window, places, weights)
         likely = likely._replace(pose=places[likely.densities(places).sum(axis=1).argmax()])
-        return at.moved(at.t + lasts, likely.pose, spread), likely
+        return at.moved(at.t + lasts, likely.pose, spread + likely.others), likely
     wheels = between(state.moved[:3] - went[:3], state.moved[:3])
     ahead = predicted(state.belief, Step(lasts, wheels, float(went[3])))
     way, turn = math.hypot(wheels[0], wheels[1]), abs(wheels[2])

@@ -38,6 +38,8 @@ LEAST = 3
 """Points that make a line."""
 ROUND = 0.15
 """Largest width of a piece of wall, as a share of its length."""
+STEADY = 0.3
+"""Largest standard deviation of a wall's direction [rad]."""
 
 
 @njit(cache=True)
@@ -91,15 +93,20 @@ def gathered(ranges: Any, angles: Any, i: int, way: int, reach: float, sums: Any
 
 
 @njit(cache=True)
-def direction(sums: Any) -> Any:
-    """Whether a beam and its neighbours are a line, and the line's direction [rad]."""
+def direction(sums: Any, sigma: float) -> Any:
+    """Whether a beam and its neighbours are a line, and the line's direction [rad].
+
+    Those of few points side by side, whose ranges err by ``sigma``, have any.
+    """
     m = sums[0] + 1
     if m < LEAST:
         return False, 0.0
     sx, sy = sums[1] / m, sums[2] / m
     cxx, cxy, cyy = sums[3] / m - sx * sx, sums[4] / m - sx * sy, sums[5] / m - sy * sy
     spread = math.sqrt((cxx - cyy) * (cxx - cyy) + 4 * cxy * cxy)
-    line = cxx + cyy - spread <= ROUND * ROUND * (cxx + cyy + spread)
+    length = cxx + cyy + spread
+    line = cxx + cyy - spread <= ROUND * ROUND * length
+    line &= 0.5 * m * length * STEADY * STEADY >= sigma * sigma
     return line, 0.5 * math.atan2(2 * cxy, cxx - cyy)
 
 
@@ -117,22 +124,23 @@ def surface(ranges: Any, angles: Any, found: Any) -> int:
     """
     count = 0
     left, right = np.zeros(6), np.zeros(6)
-    span = min(max(SPAN, SIGMAS * noise(ranges)), WIDEST)
+    sigma = min(noise(ranges), WIDEST / SIGMAS)
+    span = min(max(SPAN, SIGMAS * sigma), WIDEST)
     for i in range(len(ranges)):
         if not ranges[i] > 0:
             continue
         reach = max(span, BEAMS * ranges[i] * abs(angles[1] - angles[0]))
         edges = gathered(ranges, angles, i, 1, reach, left)
         edges &= gathered(ranges, angles, i, -1, reach, right)
-        line, along = direction(left + right)
+        line, along = direction(left + right, sigma)
         if not line:  # a corner: the wall on its longer side
-            line, along = direction(left if left[0] > right[0] else right)
+            line, along = direction(left if left[0] > right[0] else right, sigma)
         if not line:
-            line, along = direction(right if left[0] > right[0] else left)
+            line, along = direction(right if left[0] > right[0] else left, sigma)
         if not (line or edges):  # a wall that is met at a flat angle, its points far apart
             gathered(ranges, angles, i, 1, FLAT * reach, left)
             gathered(ranges, angles, i, -1, FLAT * reach, right)
-            line, along = direction(left + right)
+            line, along = direction(left + right, sigma)
             if not line:
                 continue
         x, y = ranges[i] * math.cos(angles[i]), ranges[i] * math.sin(angles[i])

@@ -40,6 +40,8 @@ ALWAYS, MANY = 0.95, 50
 OTHER, MIDDLE = 0.15, 0.1
 """By how much the scans' way over the wheels' is off 1 to be another scale, and how far it may
 differ in the middle half of the steps."""
+TURNED, TWISTED = 0.03, 0.25
+"""Turn of a step that tells how far turns differ [rad], and how far that may in the middle half."""
 ASKEW = 0.05
 """Angle from which on a lidar looks elsewhere than was said [rad]."""
 
@@ -108,16 +110,43 @@ def scaled(poses: Float64[np.ndarray, "n 3"], wheels: Float64[np.ndarray, "n 3"]
     ('all along the way by the scans is 0.50 times that by t', '')
     """
     one, other = (np.hypot(*between(p[:-1], p[1:])[:, :2].T) for p in (poses, wheels))
-    tells = np.isfinite(one) & (other > LEAST)
-    if tells.sum() < ENOUGH:
-        return ""
-    low, factor, high = np.quantile(one[tells] / other[tells], (0.25, 0.5, 0.75))
-    if abs(factor - 1) < OTHER or high - low > MIDDLE * factor:
+    factor = _factor(one, other, LEAST, MIDDLE)
+    if factor is None:
         return ""
     return (
         f"all along the way by the scans is {factor:.2f} times that by the wheels: ranges or "
         "wheels in another unit, or a wrong radius"
     )
+
+
+def overturned(
+    poses: Float64[np.ndarray, "n 3"], wheels: Float64[np.ndarray, "n 3"], step: float
+) -> str:
+    """The same of their turns: the beams, taken to be ``step`` [rad] apart, are not.
+
+    >>> turn = np.column_stack([np.zeros(30), np.zeros(30), 0.05 * np.arange(30)])
+    >>> overturned(0.5 * turn, turn, 0.5)[:49], overturned(turn, turn, 0.5)
+    ('all along the scans turn 0.50 times as far as the', '')
+    """
+    one, other = (between(p[:-1], p[1:])[:, 2] for p in (poses, wheels))
+    factor = _factor(one, other, TURNED, TWISTED)
+    if factor is None:
+        return ""
+    return (
+        f"all along the scans turn {factor:.2f} times as far as the wheels: beams are "
+        f"{abs(np.degrees(step / factor)):.2g}° apart (--step), not {abs(np.degrees(step)):.2g}°; "
+        "or the wheels' track is wrong"
+    )
+
+
+def _factor(one: np.ndarray, other: np.ndarray, least: float, middle: float) -> float | None:
+    """The one factor between steps, where it is not 1; None: there is none, or few tell."""
+    tells = np.isfinite(one) & (np.abs(other) > least)
+    if tells.sum() < ENOUGH:
+        return None
+    low, factor, high = np.quantile(one[tells] / other[tells], (0.25, 0.5, 0.75))
+    alike = high - low <= middle * factor
+    return float(factor) if alike and abs(factor - 1) >= OTHER else None
 
 
 def mirrored(poses: Float64[np.ndarray, "n 3"], wheels: Float64[np.ndarray, "n 3"]) -> bool:

@@ -4,13 +4,14 @@
     ROBOTLASER1 type start fov step longest accuracy mode n r1 … rn m …  x y theta  odom_x …
     ODOM x y theta speed turn acceleration  stamp host logged
 
-Ranges and poses are in metres and radians. ``FLASER`` says nothing of its angles: a
-SICK's 180 and 181 beams are a degree apart, 360 and 361 half a degree, others share half a turn;
-the first looks to the right (of 181, a log of 180 leaves the last out). The largest value that
-keeps returning means that nothing came back. Logs that went through a mapping program carry its
-poses in place of the wheels': so odometry is taken from ``ODOM`` lines alone. GMapping sets it back
-to its own pose at every scan, by an
-``ODOM`` line without a stamp: only the steps between are the wheels', and they are chained anew.
+Ranges and poses are in metres and radians. ``FLASER`` says nothing of its angles: a SICK's 180 and
+181 beams are a degree apart, 360 and 361 half a degree, others share half a turn; the first looks
+to the right (of 181, a log of 180 leaves the last out). Where the first beam and the last see the
+same, they are taken to share a whole turn. The largest value that keeps returning means that
+nothing came back. Logs that went through a mapping program carry its poses in place of the wheels':
+so odometry is taken from ``ODOM`` lines alone. GMapping sets it back to its own pose at every scan,
+by an ``ODOM`` line without a stamp: only the steps between are the wheels', and they are chained
+anew.
 """
 
 from __future__ import annotations
@@ -45,14 +46,18 @@ SCANS = ("FLASER", "RLASER", "ROBOTLASER1", "ROBOTLASER2", "RAWLASER1", "RAWLASE
 NO_RETURN = 81.8
 """From here on a SICK LMS, which most of these logs were made with, states error codes [m]."""
 
+MANY, NEIGHBOURS = 30, 0.9
+"""Scans from which on two beams are neighbours: where the logarithms of their ranges have this
+correlation."""
+
 
 class _Scan(NamedTuple):
     line: int
     ranges: list[float]
     poses: list[float]
     """The lidar's x, y, theta, then the wheels'; may be empty."""
-    angles: tuple[float, float, float]
-    """Start, step [rad], longest range [m]."""
+    angles: tuple[float, float, float] | None
+    """Start, step [rad], longest range [m]; None: the line does not say."""
     stamp: bytes
 
 
@@ -113,12 +118,7 @@ def _cut(cells: list[bytes], at: int) -> tuple[list[float], list[bytes]]:
 
 def _plain(number: int, cells: list[bytes]) -> _Scan:
     ranges, rest = _cut(cells, 0)
-    n = len(ranges)
-    steps = {180: math.radians(1), 181: math.radians(1), 360: math.radians(0.5),
-             361: math.radians(0.5)}  # fmt: skip
-    step = steps.get(n, math.pi / max(n - 1, 1))
-    angles = (-step * (n // 2), step, math.inf)
-    return _Scan(number, ranges, _finite(rest[:6]), angles, _stamp(rest[6:]))
+    return _Scan(number, ranges, _finite(rest[:6]), None, _stamp(rest[6:]))
 
 
 def _described(number: int, cells: list[bytes]) -> _Scan:
@@ -203,8 +203,8 @@ def _scans(name: str, found: list[_Scan], odometry: _Odometry | None, notes: lis
     if others:
         notes.append(f"{name}: {others} of {len(found)} scans have not {usual} beams: left out")
     found[:] = [scan for scan in found if len(scan.ranges) == usual]
-    start, step, longest = found[0].angles
     ranges = np.array([scan.ranges for scan in found]).reshape(len(found), usual)
+    longest = math.inf if found[0].angles is None else found[0].angles[2]
     error = NO_RETURN if longest < NO_RETURN + 1 or math.isinf(longest) else math.inf
     longest = min(longest, error, ceiling(ranges))
     ranges[~((ranges > 0) & (ranges < longest))] = np.nan
@@ -221,8 +221,34 @@ def _scans(name: str, found: list[_Scan], odometry: _Odometry | None, notes: lis
                 "the poses of lidar and odometry are the same in every line: what is called "
                 "odometry may be the result of a mapping program, and is not used"
             )
-    lidar = Lidar(start, step, longest)
-    return Scans(name, t, ranges, lidar, wheels, stated, bool(kept.any()), tuple(findings))
+    step, assumed = _assumed(name, ranges)
+    lidar = Lidar.ahead(usual, step, longest)
+    if found[0].angles is not None:
+        lidar, assumed = Lidar(*found[0].angles[:2], longest), ""
+    return Scans(
+        name, t, ranges, lidar, wheels, stated, bool(kept.any()), tuple(findings), assumed=assumed
+    )
+
+
+def _assumed(name: str, ranges: np.ndarray) -> tuple[float, str]:
+    """The step from beam to beam of a lidar that does not say it [rad], and that it does not."""
+    n = ranges.shape[1]
+    half = {180: 180, 181: 180, 360: 360, 361: 360}.get(n, max(n - 1, 1))
+    around = _all_around(ranges)
+    step = 2 * math.pi / (n - n % 2) if around else math.pi / half
+    why = ", as the first and the last see the same" if around else ""
+    return step, (
+        f"{name} says nothing of its angles: {n} beams are taken to share {360 if around else 180}°"
+        f", {math.degrees(step):.3g}° apart{why}; evertwin map --step takes others"
+    )
+
+
+def _all_around(ranges: np.ndarray) -> bool:
+    """Are the first beam and the last neighbours, scan for scan?"""
+    both = np.log(ranges[:, [0, -1]][np.isfinite(ranges[:, [0, -1]]).all(axis=1)])
+    if len(both) < MANY or not (both.std(axis=0) > 0).all():
+        return False
+    return bool(np.corrcoef(both.T)[0, 1] > NEIGHBOURS)
 
 
 def _clock(raw: Stamps, kept: np.ndarray) -> Iterator[str]:

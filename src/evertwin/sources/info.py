@@ -94,7 +94,8 @@ def _scans(scans: Scans) -> ScanInfo:
         scans.name, n, beams, scans.rate if scans.timed and n > 1 else None,
         abs(scans.lidar.step) * (beams - 1), scans.lidar.step,
         float(np.min(measured, initial=np.inf)), float(np.max(measured, initial=-np.inf)),
-        1 - len(measured) / max(n * beams, 1), scans.odometry is not None, scans.findings,
+        1 - len(measured) / max(n * beams, 1), scans.odometry is not None,
+        (*scans.findings, *filter(None, [scans.assumed])),
     )  # fmt: skip
 
 

@@ -46,6 +46,18 @@ class Lidar:
     sweep: float = 0.0
     """Time from beam to beam [s]; 0: all at once, or not known."""
 
+    @classmethod
+    def ahead(cls, beams: int, step: float, longest: float) -> Lidar:
+        """One that looks as far to the left as to the right; of a whole turn, or half of one, the
+        last beam is left out.
+
+        >>> [round(Lidar.ahead(n, math.radians(1), 9.0).start, 2) for n in (180, 181, 270, 360)]
+        [-1.57, -1.57, -2.35, -3.14]
+        """
+        turns = beams * step / math.pi
+        middle = beams // 2 if abs(turns - round(turns)) < 1e-6 else 0.5 * (beams - 1)
+        return cls(-step * middle, step, longest)
+
     def angles(self, beams: int) -> Vector:
         """Of each beam [rad]."""
         return self.start + self.step * np.arange(beams)
@@ -95,6 +107,8 @@ class Scans:
     """Turn rates about the vertical axis."""
     arrived: Stamps | None = None
     """When each scan was logged, by the clock of `t`."""
+    assumed: str = ""
+    """What was taken for the beams' angles, as a sentence; empty: the recording says them."""
 
     @property
     def rate(self) -> float:
