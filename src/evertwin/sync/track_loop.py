@@ -183,7 +183,7 @@ def run(
         # what no state keeps spoils its own row alone
         judged = not usual and not anew and nx > 0
         if judged and is_any_beyond(known[0], known[1], inputs, i, 0.0):
-            by_factor = usual_instead(known[0], known[1], inputs, i, alike)
+            by_factor = usual_instead(ranges_of, known[0], known[1], inputs, i, alike)
             code = call(
                 step, c, a, other.ctypes.data, dt[i], parameters, beyond.ctypes.data,
                 expects.ctypes.data,
