@@ -315,10 +315,27 @@ def _stepped(rows: Rows, k: int, shift: float) -> bool:
     steps = rows.steps[:, k]
     usual = steps[: max(rows.since - NEAR, 0)]
     if np.count_nonzero(np.isfinite(usual)) < LEAST:
-        return True
+        return _began(rows, k, shift)
     size = float(np.sqrt(np.nanmean(np.square(usual))))
     near = steps[max(rows.since - NEAR, 0) : rows.since + NEAR]
     seen = np.abs(near / shift - 1.0) < HALF
+    return bool(abs(shift) < OF_NOISE * size or seen.any())
+
+
+def _began(rows: Rows, k: int, shift: float) -> bool:
+    """The same of a constant that is there from the first row on: did what is measured jump by it
+    on the rows before, of which the version held on the first?"""
+    if sum(len(one.t) for one in rows.earlier) < 2 * LEAST:
+        return True
+    posed = rows.pose(rows.earlier)
+    left = rows.squares(residual(posed, posed.start))
+    if not np.mean(left[: len(left) // 2]) < HALF * np.mean(rows.squares(rows.before)):
+        return True
+    blocks = (*rows.earlier, *rows.windows)
+    values = np.concatenate([np.concatenate([one.u, one.y], axis=1)[:, k] for one in blocks])
+    steps = np.diff(values[np.isfinite(values)])
+    size = float(np.sqrt(np.mean(np.square(steps[: len(left) // 2]))))
+    seen = np.abs(steps / shift - 1.0) < HALF
     return bool(abs(shift) < OF_NOISE * size or seen.any())
 
 
