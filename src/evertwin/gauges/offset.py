@@ -23,7 +23,7 @@ from evertwin.gauges import in_words
 from evertwin.gauges.change import split
 from evertwin.gauges.gauge_rows import LEAST, Rows, residual
 from evertwin.gauges.input_shift import of_inputs, shifted_inputs
-from evertwin.gauges.sensor_change import SensorChange
+from evertwin.gauges.sensor_change import SensorChange, unmeasured
 from evertwin.gauges.unlike import changes
 from evertwin.rows.ring import called
 from evertwin.signals import wrap
@@ -70,6 +70,22 @@ def offset(rows: Rows) -> SensorChange | None:
     shifts = shifted_inputs(rows)
     if shifts and shifts[0].sure:
         return of_inputs(rows, shifts)
+    found = leapt(rows)
+    if found is not None:
+        return found
+    watched = np.flatnonzero(rows.setup.watched).tolist()
+    found = _constant(rows, [(nu + k, False) for k in watched if not _has_offset(rows, k)])
+    return of_inputs(rows, shifts, found) if shifts else found
+
+
+@unmeasured()
+def leapt(rows: Rows) -> SensorChange | None:
+    """A constant, or a share, by which an output leapt and has been off since then.
+
+    Raises:
+        TooFew: it leapt, and rows are too few to tell.
+    """
+    nu = len(rows.setup.model.inputs)
     watched = np.flatnonzero(rows.setup.watched).tolist()
     leaps = [(replace(rows, begins=place), k) for k in watched for place in _leaps(rows, k)]
     for some, k in leaps:
@@ -78,8 +94,7 @@ def offset(rows: Rows) -> SensorChange | None:
         found = _constant(some, [(nu + k, False), (nu + k, True)][: 2 - turns], leap)
         if found is not None:
             return found
-    found = _constant(rows, [(nu + k, False) for k in watched if not _has_offset(rows, k)])
-    return of_inputs(rows, shifts, found) if shifts else found
+    return None
 
 
 def _constant(
