@@ -162,6 +162,8 @@ class Track:
 
     model: Model
     arbiter: Arbiter = Arbiter()
+    gates: tuple[tuple[int, int, float], ...] = ()
+    """(output, input, threshold): the output moves where the input is larger."""
 
     def __post_init__(self) -> None:
         _ = self._settings
@@ -182,13 +184,22 @@ class Track:
             tried[j] = bool((self.model.observe(x, y) != x).any())
         return tried
 
+    @property
+    def _moves(self) -> np.ndarray:
+        """What says whether each output moves, (ny, 2)."""
+        found = np.tile([-1.0, 0.0], (len(self.model.outputs), 1))
+        for k, column, above in self.gates:
+            found[k] = column, above
+        return found
+
     @cached_property
     def _settings(self) -> tuple[Any, ...]:
         inputs, outputs, phases = self.model.inputs, self.model.outputs, self.arbiter.phases
         column = inputs.index(phases.channel) if phases else -1
         edges = np.array(phases.edges if phases else (), dtype=np.float64)
         return (
-            self.arbiter.limits(outputs, self.adopts), self.arbiter.rules(outputs),
+            np.hstack([self.arbiter.limits(outputs, self.adopts), self._moves]),
+            self.arbiter.rules(outputs),
             np.array(self.arbiter.sentinels, dtype=np.float64), members(outputs), column, edges,
             np.array([_bounds(one) for one in inputs]).reshape(-1, 2 + len(at.FACTORS)),
         )  # fmt: skip
