@@ -13,6 +13,7 @@ from evertwin.correction.spec import CorrectionSpec
 from evertwin.errors import UsageError
 from evertwin.fold import Event
 from evertwin.outcome.headline import first_of_rows, headline
+from evertwin.outcome.jumps import usual_most
 from evertwin.outcome.open_faults import open_faults
 from evertwin.outcome.open_trial import OpenTrial
 from evertwin.outcome.result import OutputFigures
@@ -275,6 +276,23 @@ def test_a_jump_within_what_the_model_is_off_by_is_not_the_sensors() -> None:
             for rms in (0.3, 0.1)
         )
     assert "pose has stood" not in rough and "pose has stood" in true
+
+
+def test_a_jump_as_far_as_predictions_were_off_elsewhere_is_not_the_sensors() -> None:
+    """A command that comes a row late moves a heading by as much, once in a while."""
+    events, rows = [stepped(67, 0.5)], np.arange(200)
+    off = np.where(rows == 20, 0.6, 0.01) + 2.0 * (rows == 67)
+    trace = {"row": rows, "t": rows * 0, "off": off[:, None],
+             "mark": np.zeros((200, 1), dtype=np.uint8)}  # fmt: skip
+    found = usual_most(trace, events, 0.1)
+    assert found is not None and found.tolist() == [0.6]
+    with Twin(ROBOT) as twin:
+        few, many = (
+            headline(twin.setup, {"x": replace(figures(0.1, 0.1)["x"], most=most)},
+                     (twin.champion,), events, None)
+            for most in (float(found[0]), 0.3)
+        )  # fmt: skip
+    assert "pose has stood" not in few and "pose has stood" in many
 
 
 def test_single_contradictions_of_a_rough_model_are_not_told() -> None:

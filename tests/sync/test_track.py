@@ -434,6 +434,20 @@ def test_a_machine_that_is_blocked_at_a_new_speed_is_no_wrong_command(rate: int)
         assert np.nanmedian(np.abs(out.rows.residual[305 * rate : 355 * rate])) > 0.5 * top / rate
 
 
+@pytest.mark.parametrize("top", [0.598, 0.61])
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_command_that_hardly_leaves_its_range_is_in_no_other_unit(seed: int, top: float) -> None:
+    """The machine followed late by then, and it rose by what divides feet and metres."""
+    rng = np.random.default_rng(seed)
+    u = np.repeat(rng.uniform(-0.59, 0.59, 40), 15)
+    u[-45:-30], u[-30:] = top * 0.3048, top
+    late = np.concatenate([u[:-30], np.full(12, u[-31]), u[-30:-12]])
+    y = np.cumsum(0.1 * late) + rng.normal(0.0, 0.003, len(u))
+    block = make_block(t=np.arange(len(u)) * 10**8, u=u[:, None], y=y[:, None])
+    _, out = fold(Track(drive(), Arbiter(Rule(use="blend", sigma=0.003))), [block])
+    assert "v" not in [record.signal for record in out.records]
+
+
 @pytest.mark.parametrize(("factor", "more", "rows"), [(1000.0, 0.0, 2000), (1.0, 1300.0, 1000)])
 def test_a_doubt_about_a_command_gives_way(factor: float, more: float, rows: int) -> None:
     """But not about its unit, as long as the machine follows it divided."""

@@ -33,6 +33,7 @@ from evertwin.models import Model
 from evertwin.rows.ring import called
 from evertwin.setup.setup import Setup
 from evertwin.setup.task import Windows
+from evertwin.signals import wrap
 from evertwin.signals.mistaken import SIGN
 from evertwin.types import Outputs, ParameterVector
 
@@ -140,8 +141,11 @@ def _plausible(rows: Rows, one: Reading, first: int, stop: int) -> bool:
     apart[max(first - NEAR, 0) : stop + NEAR] = False
     if np.count_nonzero(apart) < LEAST:
         return True
-    old, new = rows.values[apart], rows.values[first:stop]
-    scale = np.abs(one.factors) * np.nanstd(new, axis=0) < VARIES * np.nanstd(old, axis=0)
+    model = rows.setup.model
+    angles = np.concatenate([model.inputs.angles, model.outputs.angles])
+    old, own = wrap(rows.values[apart], angles), wrap(rows.values[first:stop] * one.factors, angles)
+    new = own / one.factors
+    scale = np.nanstd(own, axis=0) < VARIES * np.nanstd(old, axis=0)
     if (one.moved & scale & (one.shifts == 0.0) & (np.abs(one.factors) < 1.0)).any():
         return False  # divided by enough anything is nothing
     return not one.at_usual_levels(old, new) and one.lies_among(old, new)
@@ -247,7 +251,7 @@ def _usual(rows: Rows, one: Reading, first: int, known: np.ndarray) -> float:
     if count.max(initial=0) < LEAST:
         return 0.0
     square = np.where(early, np.square(rows.before / rows.sizes), 0.0).sum(axis=0)
-    mean = square / np.maximum(count, 1) / np.square(one.factors[len(rows.setup.model.inputs) :])
+    mean = square / np.maximum(count, 1) / np.square(rows.sizes_under(one))
     return float(mean @ np.count_nonzero(known, axis=0))
 
 
@@ -257,7 +261,7 @@ def _rival(rows: Rows, one: Reading, stop: int, known: np.ndarray) -> float:
     found = rows.left_on(undone)
     if found is None:
         return 0.0
-    left = rows.placed(found) / one.factors[len(rows.setup.model.inputs) :]
+    left = rows.placed(found) / rows.sizes_under(one)
     known = known & np.isfinite(left)
     return rows.total(rows.tuned, known) / max(rows.total(left, known), 1e-300)
 
@@ -305,6 +309,6 @@ def _restored(rows: Rows, one: Reading, after: Outputs, known: np.ndarray) -> bo
     if np.count_nonzero(np.isfinite(usual).any(axis=1)) < LEAST:
         return True
     old = np.nanmean(np.square(usual), axis=0)
-    nu = len(rows.setup.model.inputs)
-    new = np.nanmean(np.where(known, np.square(after * one.factors[nu:]), np.nan), axis=0)
+    own = after * rows.sizes_under(one)
+    new = np.nanmean(np.where(known, np.square(own), np.nan), axis=0)
     return bool((new[np.isfinite(new)] <= RESTORED * old[np.isfinite(new)]).all())

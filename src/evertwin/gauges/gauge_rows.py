@@ -168,9 +168,15 @@ class Rows:
         """Residual under a reading, in what was recorded, (n, ny); far off where the model has no
         answer to what is read."""
         posed = self.pose(windows)
-        off = residual(posed, posed.start) / one.factors[len(self.setup.model.inputs) :]
+        off = residual(posed, posed.start) / self.sizes_under(one)
         lost = np.isfinite(self.before) & posed.rows.used & np.isfinite(posed.rows.y)
         return np.asarray(np.where(lost & ~np.isfinite(off), FAR * self.sizes, off))
+
+    def sizes_under(self, one: Reading) -> Vector:
+        """What a residual of each output under a reading is of what was recorded, (ny,); an angle
+        is off by half a turn at most in whatever unit it was recorded."""
+        outputs = self.setup.model.outputs
+        return np.where(outputs.angles, 1.0, one.factors[len(self.setup.model.inputs) :])
 
     def changed(self, first: int, stop: int, change: Callable[[Block], Block]) -> Windows:
         """The windows, with rows [first, stop) changed."""

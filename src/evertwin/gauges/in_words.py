@@ -15,6 +15,12 @@ def difference(setup: Setup, channel: Channel, value: float) -> str:
     return f"{value * factor:+.4g} {unit}".removesuffix(" 1")
 
 
+def about(setup: Setup, channel: Channel, value: float, half: float) -> str:
+    """A difference [SI], and how far it may be from that."""
+    unit, factor = suited(abs(value), channel.unit, unit_recorded(setup.spec, channel.name))
+    return f"{value * factor:+.3g} ± {half * factor:.2g} {unit}".removesuffix(" 1")
+
+
 def level(setup: Setup, channel: Channel, value: float) -> str:
     """A value [SI] as it is recorded."""
     unit = unit_recorded(setup.spec, channel.name) or channel.unit

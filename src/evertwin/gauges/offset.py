@@ -23,11 +23,11 @@ from evertwin.gauges import in_words
 from evertwin.gauges.change import split
 from evertwin.gauges.gauge_rows import LEAST, Rows, residual
 from evertwin.gauges.input_shift import of_inputs, shifted_inputs
-from evertwin.gauges.sensor_change import SensorChange
+from evertwin.gauges.sensor_change import SensorChange, unmeasured
 from evertwin.gauges.unlike import changes
 from evertwin.rows.ring import called
 from evertwin.signals import wrap
-from evertwin.types import Bools, Outputs, ParameterVector
+from evertwin.types import Bools, Outputs, ParameterVector, Vector
 
 HELD = 8
 """Rows for which a channel may be held before what it says is believed."""
@@ -49,6 +49,10 @@ OFTEN = 4
 """Leaps of an output from which on it is the model that is rough."""
 AT_ONCE = 1e-9
 """Horizon [s] of predictions from each row to the next."""
+SIDES = 1.96
+"""Standard errors on either side of a number that nearly always hold it."""
+TRIED = 100
+"""Rows before a leap on which is tried how far the model misses without one."""
 
 
 def offset(rows: Rows) -> SensorChange | None:
@@ -66,15 +70,31 @@ def offset(rows: Rows) -> SensorChange | None:
     shifts = shifted_inputs(rows)
     if shifts and shifts[0].sure:
         return of_inputs(rows, shifts)
+    found = leapt(rows)
+    if found is not None:
+        return found
+    watched = np.flatnonzero(rows.setup.watched).tolist()
+    found = _constant(rows, [(nu + k, False) for k in watched if not _has_offset(rows, k)])
+    return of_inputs(rows, shifts, found) if shifts else found
+
+
+@unmeasured()
+def leapt(rows: Rows) -> SensorChange | None:
+    """A constant, or a share, by which an output leapt and has been off since then.
+
+    Raises:
+        TooFew: it leapt, and rows are too few to tell.
+    """
+    nu = len(rows.setup.model.inputs)
     watched = np.flatnonzero(rows.setup.watched).tolist()
     leaps = [(replace(rows, begins=place), k) for k in watched for place in _leaps(rows, k)]
     for some, k in leaps:
         leap = _leap(some, nu + k, rows.whole.full(rows.whole.start))
-        found = _constant(some, [(nu + k, scaled) for scaled in (False, True)], leap)
+        turns = bool(rows.setup.model.outputs.angles[k])  # a share of it is another after a turn
+        found = _constant(some, [(nu + k, False), (nu + k, True)][: 2 - turns], leap)
         if found is not None:
             return found
-    found = _constant(rows, [(nu + k, False) for k in watched if not _has_offset(rows, k)])
-    return of_inputs(rows, shifts, found) if shifts else found
+    return None
 
 
 def _constant(
@@ -124,8 +144,10 @@ def _constant(
     share = 100.0 * (1.0 - rows.total(left, unseen) / rows.total(rows.before, unseen))
     stop = rows.stop if _over(rows, (k, scaled), shift) else rows.count
     row, until = called(rows.row(rows.since)), rows.until(stop)
-    size = in_words.difference(rows.setup, channel, leap or shift)
-    size, what = (f"{100.0 * shift:+.3g} %", "a scale") if scaled else (size, "an offset")
+    number, error = _sized(rows, (k, scaled), shift, scored, leap)
+    size, what = in_words.about(rows.setup, channel, number, SIDES * error), "an offset"
+    if scaled:
+        size, what = f"{100.0 * shift:+.3g} ± {100.0 * SIDES * error:.2g} %", "a scale"
     known = (
         f"{channel.name} looks off by {size} from {row}{until}: as {what} of its sensor "
         f"this explains {share:.0f} % of the deviation on rows that it was not learned on, "
@@ -180,15 +202,26 @@ def _leaps(rows: Rows, k: int) -> list[int]:
 
 
 def _leap(rows: Rows, k: int, p: ParameterVector) -> float:
-    """By how much column ``k``, an output, leapt beyond the model where the rows begin."""
-    column, at = k - len(rows.setup.model.inputs), rows.since
+    """By how much column ``k``, an output, leapt beyond the model where the rows begin; within two
+    rows, as it does where a row lies between two samples."""
+    off = _missed(rows, k, p, rows.since)[rows.since :][:2]
+    known = off[np.isfinite(off)]
+    return float(known[-1]) if len(known) else 0.0
+
+
+def _missed(rows: Rows, k: int, p: ParameterVector, unseen: int = -1) -> Vector:
+    """Measured − predicted of column ``k``, an output, from each row to the next, (n,); the row at
+    ``unseen`` tells nothing of the next."""
+    found, outputs = list[Vector](), rows.setup.model.outputs
     for window in rows.windows:
-        if at < len(window.t):
-            one = changes(rows.whole.model, p, window, AT_ONCE)
-            off = wrap(one.measured - one.predicted, rows.setup.model.outputs.angles)
-            return float(off[at, column])
-        at -= len(window.t)
-    return 0.0
+        mark = window.mark.copy()
+        if 0 <= unseen < len(mark):
+            mark[unseen, k] = Mark.CONTESTED
+        unseen -= len(mark)
+        one = changes(rows.whole.model, p, window._replace(mark=mark), AT_ONCE)
+        off = wrap(one.measured - one.predicted, outputs.angles)
+        found.append(off[:, k - len(rows.setup.model.inputs)])
+    return np.concatenate(found)
 
 
 def _jump(rows: Rows, k: int) -> int:
@@ -240,6 +273,29 @@ def _shifted(
     return here, shift
 
 
+def _sized(
+    rows: Rows, one: tuple[int, bool], shift: float, seen: Bools, leap: float
+) -> tuple[float, float]:
+    """How large the constant is by the rows ``seen``, which tell ``shift``, and by how far it
+    leapt, each as sure as it is; its standard error."""
+    (k, scaled), here = one, _with(rows, one, shift)
+    slope = (_with(rows, one, 1.01 * shift) - here) / (0.01 * shift * rows.sizes)
+    known = seen[:, None] & np.isfinite(slope) & np.isfinite(here)
+    a, b = np.where(known, slope, 0.0), np.where(known, here / rows.sizes, 0.0)
+    parts = np.array_split(np.flatnonzero(seen), BLOCKS)
+    power = float(np.sum(a * a))
+    pulls = np.array([float(np.sum(a[part] * b[part])) for part in parts])
+    variance = float(np.sum(np.square(pulls))) / power**2 if power > 0.0 else np.inf
+    if not leap or scaled:
+        return shift, float(np.sqrt(variance))
+    p = rows.whole.full(rows.whole.start)
+    off = _missed(rows, k, p)[max(rows.since - TRIED, 0) : rows.since]
+    off = np.abs(off[1:] + off[:-1])  # an input that comes late makes few far larger than most
+    own = (float(np.nanmax(off)) / SIDES) ** 2 if np.isfinite(off).any() else np.inf
+    share = variance / (variance + own)
+    return shift + share * (leap - shift), float(np.sqrt(share * own))
+
+
 def _over(rows: Rows, one: tuple[int, bool], shift: float) -> bool:
     """Do the rows on which the version holds again say so, or would they look the same with the
     channel still off, as a share of next to nothing does?"""
@@ -274,10 +330,27 @@ def _stepped(rows: Rows, k: int, shift: float) -> bool:
     steps = rows.steps[:, k]
     usual = steps[: max(rows.since - NEAR, 0)]
     if np.count_nonzero(np.isfinite(usual)) < LEAST:
-        return True
+        return _began(rows, k, shift)
     size = float(np.sqrt(np.nanmean(np.square(usual))))
     near = steps[max(rows.since - NEAR, 0) : rows.since + NEAR]
     seen = np.abs(near / shift - 1.0) < HALF
+    return bool(abs(shift) < OF_NOISE * size or seen.any())
+
+
+def _began(rows: Rows, k: int, shift: float) -> bool:
+    """The same of a constant that is there from the first row on: did what is measured jump by it
+    on the rows before, of which the version held on the first?"""
+    if sum(len(one.t) for one in rows.earlier) < 2 * LEAST:
+        return True
+    posed = rows.pose(rows.earlier)
+    left = rows.squares(residual(posed, posed.start))
+    if not np.mean(left[: len(left) // 2]) < HALF * np.mean(rows.squares(rows.before)):
+        return True
+    blocks = (*rows.earlier, *rows.windows)
+    values = np.concatenate([np.concatenate([one.u, one.y], axis=1)[:, k] for one in blocks])
+    steps = np.diff(values[np.isfinite(values)])
+    size = float(np.sqrt(np.mean(np.square(steps[: len(left) // 2]))))
+    seen = np.abs(steps / shift - 1.0) < HALF
     return bool(abs(shift) < OF_NOISE * size or seen.any())
 
 

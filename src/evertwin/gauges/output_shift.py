@@ -145,7 +145,8 @@ def moves(rows: Rows, one: Off, known: Bool[np.ndarray, "n ny"]) -> float:
 def _explained(rows: Rows, edges: list[int]) -> tuple[list[Off], Outputs | None]:
     """What each output may be off by, and the residual of the machine; None: there is none."""
     nu, ny = len(rows.setup.model.inputs), len(rows.setup.model.outputs)
-    tried = [(k, False) for k in range(nu + ny)] + [(k, True) for k in range(nu, nu + ny)]
+    lengths = np.flatnonzero(~rows.setup.model.outputs.angles)  # of a turn a share is nothing
+    tried = [(k, False) for k in range(nu + ny)] + [(nu + k, True) for k in lengths.tolist()]
     lines = _lines(rows.count, edges)
     found = [one for k in tried for one in (_off(rows, k, lines),) if one is not None]
     return found, _machine(rows, edges) if found else None

@@ -29,7 +29,7 @@ from evertwin.errors import DataError
 from evertwin.fold import Block, Chunk, Event
 from evertwin.ledger.ledger import Begun, Ledger
 from evertwin.loop.loading import FeedState, Rate
-from evertwin.loop.observer import Observer, figures, succeeded
+from evertwin.loop.observer import Observer, succeeded
 from evertwin.loop.run import Run, settings_hash
 from evertwin.models.form import Version
 from evertwin.outcome.changes import changes
@@ -280,7 +280,7 @@ class Live:
         """What came of it so far, in a sentence or a few, and the figures behind it."""
         if self._run is None or self._state is None:
             return "No rows yet.", {}
-        setup, found = self._run.setup, figures(self._run.setup, self._state)
+        setup, found = self._run.setup, self._observer.figures(self._state)
         said = headline(setup, found, self._succeeded, self._observer.events, self.trial)
         agenda, live = self._state.agenda, self._state.live.version
         return also_pinned(said, live, pinned=agenda.pinned), found

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -16,6 +17,7 @@ from evertwin.loop.in_stream import as_is
 from evertwin.models import Parameters
 from evertwin.models.form import Version
 from evertwin.outcome.headline import also_pinned, headline
+from evertwin.outcome.jumps import usual_most
 from evertwin.outcome.open_trial import open_trial
 from evertwin.outcome.result import OutputFigures, RunResult
 from evertwin.outcome.trace import Tail, Trace
@@ -149,6 +151,15 @@ class Observer:
                 values = dict(zip(content["names"], kept["values"], strict=True))
                 self.rounds.append({"version": record.version, **kept, "values": values})
 
+    def figures(self, state: TwinState) -> dict[str, OutputFigures]:
+        """Deviations of the first and the last champion, and the most of the rows so far."""
+        found = figures(self.setup, state)
+        most = usual_most(self.trace.columns(), self.events, self.setup.horizon)
+        if most is None:
+            return found
+        pairs = zip(found.items(), most.tolist(), strict=True)
+        return {name: replace(one, most=value) for (name, one), value in pairs}
+
     def _known(self, parameters: Parameters) -> dict[str, dict[str, Any]]:
         """What the fits that the champion's values come from said of them."""
         found = {item.name: self.knowledge.get((item.name, item.value)) for item in parameters}
@@ -160,7 +171,7 @@ class Observer:
         model = driver.versions.model(state.live.version)
         now = as_is(driver.versions, state)
         parameters: Parameters = model.parameters.with_values(now.p)
-        outputs = figures(self.setup, state)
+        outputs = self.figures(state)
         trial, trace = open_trial(driver.setup, driver.versions, state), self.trace.columns()
         measured, told = 0, succeeded(driver.versions, champion, self.events)
         if trace:

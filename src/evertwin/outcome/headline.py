@@ -54,7 +54,10 @@ def headline(
     units = dict(zip(setup.model.outputs.names, told_in, strict=True))
     doubted = _of_a_sensor(events)
     asked = 0.0 if setup.relative or not setup.decides else setup.requirement
-    least = {name: max(asked, ROUGH * f.rms_after) for name, f in known.items()}
+    least = {
+        name: max(asked, ROUGH * f.rms_after, f.most if f.most > 0.0 else 0.0)
+        for name, f in known.items()
+    }
     # of a channel that is read wrongly, the others step away from the model as well
     late = _two_clocks(setup, events) and not setup.spec.correction.terms
     quiet = setup.static or doubted or late

@@ -25,10 +25,10 @@ from typing import Any
 
 import numpy as np
 
-from evertwin.fold import Event
+from evertwin.fold import Event, Mark
 from evertwin.models import Model
 from evertwin.signals.spoken import spoken
-from evertwin.types import ParameterVector
+from evertwin.types import ParameterVector, PerOutput
 
 OFTEN = 4
 """Jumps of a signal from which on it is the model that is rough."""
@@ -38,6 +38,8 @@ BACK = 0.2
 """Share of a jump within which the next one takes it back."""
 HORIZONS, STEPS = 10, 200
 """How long an output remembers that it was moved, at least, and in how many steps that is asked."""
+LONG = 10**17
+"""Time [ns] after which no prediction goes on."""
 STAYS = 0.5
 """Share of that which is still there then, at least."""
 
@@ -71,6 +73,23 @@ def remembered(model: Model, p: ParameterVector, horizon: float) -> frozenset[st
             if not abs(other - one) < STAYS:
                 found.append(name)
     return frozenset(found)
+
+
+def usual_most(
+    trace: Mapping[str, np.ndarray], events: Sequence[Event], horizon: float
+) -> PerOutput | None:
+    """The most that the live version was off by, apart from jumps, (ny,); None: no rows tell."""
+    if not trace:
+        return None
+    row, mark = trace["row"], trace["mark"]
+    trusted = (mark == Mark.OK) | (mark == Mark.HELD)
+    for event in events:
+        if event.kind == "overruled":
+            first: Any = event.evidence.get("onset", event.row)
+            until = event.time + min(horizon * 1e9, float(LONG))
+            trusted[(row >= first - 1) & (trace["t"] <= until)] = False
+    off = np.where(trusted & np.isfinite(trace["off"]), np.abs(trace["off"]), 0.0)
+    return np.asarray(off.max(axis=0, initial=0.0))
 
 
 def jumps(

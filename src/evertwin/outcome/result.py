@@ -60,6 +60,8 @@ class OutputFigures:
     rms_moving_after: float = math.nan
     recorded: str = ""
     """The unit that the twin file gives, in which people are told of it."""
+    most: float = math.nan
+    """The most that a prediction was off by, apart from where measurements overruled it."""
 
     @property
     def before(self) -> float:

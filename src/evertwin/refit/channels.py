@@ -8,6 +8,7 @@ from typing import NamedTuple
 from evertwin.errors import DataError, ModelError
 from evertwin.gauges.change import suddenly
 from evertwin.gauges.gauge import misgauged, reread
+from evertwin.gauges.offset import leapt
 from evertwin.gauges.output_shift import shifted_output
 from evertwin.gauges.sensor_change import SensorChange
 from evertwin.gauges.stuck import stuck
@@ -39,6 +40,8 @@ def of_a_channel(
     still = stuck(rows, reached=tuner.holds(tuned[0], tuned[1].values))
     found = misgauged(rows, still) if told else still
     if found or not (told or task.waits):
+        return Asked(found)
+    if not told and (found := leapt(rows)):  # a step and its size, before what goes in lines
         return Asked(found)
     return Asked(*shifted_output(rows))  # of what no number of the machine explains, too
 

@@ -107,7 +107,7 @@ class Setup:
 
     def track(self, model: Model) -> Track:
         """The stage that follows the machine with a version."""
-        return Track(model, arbiter_of(self.spec, model))
+        return Track(model, arbiter_of(self.spec, model), self.gates)
 
     @cached_property
     def adopts(self) -> Bools:

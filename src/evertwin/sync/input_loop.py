@@ -27,6 +27,8 @@ from evertwin.sync.plausible_loop import grown, variance_of
 
 REACH = 10.0
 """Widths of its range by which an input is outside it that no machine was meant to follow."""
+MARGIN = 0.1
+"""Widths of its range by which an input leaves it at least, where it is in another unit."""
 LONGEST = 1000
 """Rows after which a doubt gives way: what lasts may be the machine's as well."""
 CLEAR, SURE = 4.0, 8.0
@@ -80,30 +82,36 @@ def count_usual(inputs: Any, counts: Any, u: Any, i: int) -> bool:
 
 
 @njit(**COLD)
-def risen_by(value: float, before: float) -> float:
-    """The nearest factor of a change of units between a value and the one before; 0: none."""
+def risen_by(value: float, before: float, divides: Any) -> float:
+    """The nearest factor of a change of units between a value and the one before; 0: none.
+
+    Args:
+        divides: of each factor, whether it is one of this input's units.
+    """
     found, least = 0.0, ALIKE
     if before != 0.0:
         for c in range(at.FACTORS.shape[0] - 1):
             away = abs(value / before / at.FACTORS[c] - 1.0)
-            if away <= least:
+            if away <= least and divides[c] > 0:
                 found, least = float(at.FACTORS[c]), away
     return found
 
 
 @njit(**COLD)
-def usual_instead(inputs: Any, counts: Any, u: Any, i: int, other: Any) -> bool:
+def usual_instead(
+    limits: Any, inputs: Any, counts: Any, u: Any, i: int, other: Any
+) -> bool:  # fmt: skip
     """Fills ``other`` with the row's inputs, those outside their range as they usually were.
 
-    Or divided by their factor. Is there one?
+    Or divided by their factor. Is there one? None of a value that hardly leaves its range.
     """
     found = False
     for k in range(u.shape[1]):
         other[k] = u[i, k]
         if counts[k, at.DOUBTED] == 0:
             inputs[k, at.BY] = inputs[k, at.OVER] = 0.0
-            if is_beyond(inputs, counts, k, u[i, k], 0.0):
-                inputs[k, at.BY] = risen_by(u[i, k], inputs[k, at.BELIEVED])
+            if is_beyond(inputs, counts, k, u[i, k], MARGIN):
+                inputs[k, at.BY] = risen_by(u[i, k], inputs[k, at.BELIEVED], limits[k, 2:])
         if inputs[k, at.BY] != 0.0 and counts[k, at.DOUBTED] < LONGEST:
             other[k] = u[i, k] / inputs[k, at.BY]
             found = True

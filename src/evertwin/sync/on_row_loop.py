@@ -48,6 +48,23 @@ def acted(
 
 
 @njit(cache=True, error_model="numpy")
+def on_the_way(before: float, after: float, part: float, turns: bool) -> float:
+    """The value a part of the way from one sample to the next; an angle goes the short way.
+
+    One beyond a turn is recorded as it was, for it may be in another unit: there the short way is
+    unknown, and where it jumps it is the nearer sample.
+    """
+    size = max(abs(before), abs(after))
+    if not turns or size <= np.pi:
+        return float(wrapped(before + wrapped(after - before, turns) * part, turns))
+    if size <= 2 * np.pi:
+        return float(before + wrapped(after - before, turns) * part)
+    if abs(after - before) > 2 * np.pi:
+        return float(after if part > 0.5 else before)
+    return float(before + (after - before) * part)
+
+
+@njit(cache=True, error_model="numpy")
 def between(
     channels: Any, sources: Any, times: Any, values: Any, known: Any, k: int, stamp: int, gap: int
 ) -> Any:
@@ -61,8 +78,7 @@ def between(
             width = times[s, place] - known_t[k]
             if width > gap:
                 return np.nan, ABSENT
-            step = wrapped(value - known_v[k], channels[k, TURNS] > 0)
-            reached = known_v[k] + step * ((stamp - known_t[k]) / width)
+            part = (stamp - known_t[k]) / width
             level = UNSEEN if is_hole(sources[s, PACE], width) else HELD
-            return float(wrapped(reached, channels[k, TURNS] > 0)), level
+            return on_the_way(known_v[k], value, part, channels[k, TURNS] > 0), level
     return np.nan, ABSENT

@@ -10,8 +10,9 @@ from enum import IntEnum
 
 import numpy as np
 
-LOW, HIGH, RATE, TOLERANCE, ANGLE, ADOPTS = range(6)
-"""Settings per output: possible range and rate, tolerance, is it an angle, can it be adopted?"""
+LOW, HIGH, RATE, TOLERANCE, ANGLE, ADOPTS, BESIDE, ABOVE = range(8)
+"""Settings per output: possible range and rate, tolerance, is it an angle, can it be adopted? The
+input that says whether it moves, −1 for none, and from which size on."""
 GATE, VOTE, USE, BLEND, SHARE, GROWTH, FROZEN, TIMEOUT = range(8)
 """Settings per group."""
 NONE, UPDATE, MIX = range(3)

@@ -34,6 +34,8 @@ import numpy as np
 from evertwin.fold import Block, Event, Out
 from evertwin.models import Kernel, Model, kernel_of
 from evertwin.models.kernel import looped
+from evertwin.signals import Channel
+from evertwin.signals.mistaken import numbers
 from evertwin.sync import places as at
 from evertwin.sync.arbiter import Arbiter, Rule, describe, members
 from evertwin.sync.horizon import contiguous
@@ -160,6 +162,8 @@ class Track:
 
     model: Model
     arbiter: Arbiter = Arbiter()
+    gates: tuple[tuple[int, int, float], ...] = ()
+    """(output, input, threshold): the output moves where the input is larger."""
 
     def __post_init__(self) -> None:
         _ = self._settings
@@ -180,15 +184,24 @@ class Track:
             tried[j] = bool((self.model.observe(x, y) != x).any())
         return tried
 
+    @property
+    def _moves(self) -> np.ndarray:
+        """What says whether each output moves, (ny, 2)."""
+        found = np.tile([-1.0, 0.0], (len(self.model.outputs), 1))
+        for k, column, above in self.gates:
+            found[k] = column, above
+        return found
+
     @cached_property
     def _settings(self) -> tuple[Any, ...]:
-        outputs, phases = self.model.outputs, self.arbiter.phases
-        column = self.model.inputs.index(phases.channel) if phases else -1
+        inputs, outputs, phases = self.model.inputs, self.model.outputs, self.arbiter.phases
+        column = inputs.index(phases.channel) if phases else -1
         edges = np.array(phases.edges if phases else (), dtype=np.float64)
         return (
-            self.arbiter.limits(outputs, self.adopts), self.arbiter.rules(outputs),
+            np.hstack([self.arbiter.limits(outputs, self.adopts), self._moves]),
+            self.arbiter.rules(outputs),
             np.array(self.arbiter.sentinels, dtype=np.float64), members(outputs), column, edges,
-            np.array([(one.low, one.high) for one in self.model.inputs]).reshape(-1, 2),
+            np.array([_bounds(one) for one in inputs]).reshape(-1, 2 + len(at.FACTORS)),
         )  # fmt: skip
 
     def init(self) -> TrackState:
@@ -267,3 +280,11 @@ class Track:
             row, time = block.row + n - 1, int(block.t[-1])
             records += [Event(row, time, "model_failed", "", text) for text in kernel.remote.news()]
         return state, Out(rows, tuple(records))
+
+
+def _bounds(one: Channel) -> list[float]:
+    """What an input may be, and which of `at.FACTORS` divide two units of its quantity."""
+    own = np.array([number for number, _ in numbers(one.unit)])
+    decimal = np.log10(np.abs(at.FACTORS)) % 1.0 == 0.0
+    divides = decimal | (np.abs(at.FACTORS[:, None] / own - 1.0) < 1e-3).any(axis=1)
+    return [one.low, one.high, *divides.astype(float).tolist()]

@@ -64,14 +64,16 @@ def is_row_known(u: Any, i: int) -> bool:
 
 
 @njit(**HOT)
-def proceed(limits: Any, values: Any, predicted: Any) -> None:
-    """Adds the predicted motion of this row to path and way."""
+def proceed(limits: Any, values: Any, predicted: Any, u: Any, i: int) -> None:
+    """Adds the predicted motion of this row to path and way. At rest a force is what friction
+    holds, so what is predicted of it is no motion that a frozen sensor would miss."""
     for j in range(values.shape[0]):
         moved = wrapped(predicted[j] - values[j, at.AFTER], limits[j, at.ANGLE] > 0)
         if moved == moved:
             values[j, at.PATH] += abs(moved)
             values[j, at.WAY] += moved
-            for kind in range(2):
+            by = int(limits[j, at.BESIDE])
+            for kind in range(2 if by < 0 or abs(u[i, by]) > limits[j, at.ABOVE] else 0):
                 values[j, at.GONE + kind] += moved
 
 
@@ -183,7 +185,7 @@ def run(
         # what no state keeps spoils its own row alone
         judged = not usual and not anew and nx > 0
         if judged and is_any_beyond(known[0], known[1], inputs, i, 0.0):
-            by_factor = usual_instead(known[0], known[1], inputs, i, alike)
+            by_factor = usual_instead(ranges_of, known[0], known[1], inputs, i, alike)
             code = call(
                 step, c, a, other.ctypes.data, dt[i], parameters, beyond.ctypes.data,
                 expects.ctypes.data,
@@ -216,7 +218,7 @@ def run(
             for g in range(ng):
                 forget(settings[1], memory, board[3], notes, g, now)
             matter[at.OWNER] = 0
-        proceed(settings[0], memory[0], sample[2])
+        proceed(settings[0], memory[0], sample[2], inputs, i)
         if matter[at.OWNER] > 0:
             code = call(
                 step, c, beside.ctypes.data, u_at + 8 * i * nu, dt[i], parameters,
