@@ -75,6 +75,14 @@ def test_a_base_that_turns_less_the_faster_it_drives_keeps_its_own_gain(seed: in
     assert found.taken == ("coupling.w.v.gain",)
 
 
+def test_a_term_whose_gain_is_all_there_is_to_it_is_none() -> None:
+    settings = Selection(kinds=("coupling",), channels=("w",), numbers=("turn_gain",))
+    only = Term("coupling", "w", "v", "grip")
+    planted = {"coupling.w.v.gain": 0.65}
+    found = improve(Differential(), Form(), (drive((only,), planted),), 2.0, settings)
+    assert not found.found and found.form == Form()
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_a_perfect_model_is_left_alone(seed: int) -> None:
     rows = drive((), {}, seed, 1200)
