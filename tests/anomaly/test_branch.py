@@ -38,6 +38,7 @@ def drive(kind: str, seed: int) -> str:
         "dead zone": np.where(v < 0.06, 0.0, v),
         "clamp": np.clip(v, 0.06, 0.16),
         "lag": np.convolve(v, np.ones(8) / 8)[:N],
+        "within a row": 0.4 * v + 0.6 * np.append(v[1:], v[-1]),
     }[kind]
     x = np.cumsum(real * DT) + rng.normal(0, 0.001, N)
     block = make_block(
@@ -51,7 +52,7 @@ def drive(kind: str, seed: int) -> str:
 @pytest.mark.parametrize(
     ("kind", "expected"),
     [("gain", "normal"), ("true", "normal"), ("dead zone", "abnormal"), ("clamp", "abnormal"),
-     ("lag", "abnormal")],
+     ("lag", "abnormal"), ("within a row", "normal")],
 )  # fmt: skip
 def test_the_verdict_is_right_in_nearly_all_runs(kind: str, expected: str) -> None:
     verdicts = [drive(kind, seed) for seed in range(20)]

@@ -62,6 +62,27 @@ def test_lag_and_coupling_are_found_with_their_numbers() -> None:
     assert len(found.describes) == 2 and found.evidence()["steps"]
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_base_that_turns_less_the_faster_it_drives_keeps_its_own_gain(seed: int) -> None:
+    """Turns at w·(0.65 − 1.3·|v|), where the model has a number for the turn rate's gain."""
+    share = Term("coupling", "w", "v", "share")
+    planted = {"coupling.w.v.gain": 0.65, "coupling.w.v.slip": 2.0}
+    settings = Selection(kinds=("coupling",), channels=("w",), numbers=("turn_gain",))
+    found = improve(Differential(), Form(), (drive((share,), planted, seed),), 2.0, settings)
+    assert [term.variant for term in found.form.terms] == ["share"]
+    assert value(found.names, found.p, "turn_gain") == pytest.approx(0.65, abs=0.01)
+    assert value(found.names, found.p, "coupling.w.v.slip") == pytest.approx(2.0, abs=0.1)
+    assert found.taken == ("coupling.w.v.gain",)
+
+
+def test_a_term_whose_gain_is_all_there_is_to_it_is_none() -> None:
+    settings = Selection(kinds=("coupling",), channels=("w",), numbers=("turn_gain",))
+    only = Term("coupling", "w", "v", "grip")
+    planted = {"coupling.w.v.gain": 0.65}
+    found = improve(Differential(), Form(), (drive((only,), planted),), 2.0, settings)
+    assert not found.found and found.form == Form()
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_a_perfect_model_is_left_alone(seed: int) -> None:
     rows = drive((), {}, seed, 1200)
@@ -230,6 +251,8 @@ def test_every_kind_is_said_in_words() -> None:
         (Term("coupling", "v", "w", "proportional"), (-0.1,), "v: rises by 0.1·w"),
         (Term("coupling", "v", "w", "grip"), (1.0, 0.0, 0.5), "limited to 2/|w| m/s"),
         (Term("coupling", "v", "w", "grip"), (1.0, 0.5, 0.5), "1/(0.5 + 0.5·|w|) m/s"),
+        (Term("coupling", "v", "w", "share"), (1.0, 0.5), "v: falls by a share of 0.5·|w|"),
+        (Term("coupling", "v", "w", "share"), (0.9, -0.5), "gain 0.9, rises by a share of 0.5·|w|"),
         (Term("table", "v", levels=grid), (0.0, 0.7), "table of 2 levels"),
         (Term("surface", "v", "w", levels=grid, levels2=grid), (0.0,) * 4, "surface over v and w"),
         (Term("lag", "*", variant="delay"), (0.1,), "all inputs: delay of 0.1 s"),

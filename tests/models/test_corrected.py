@@ -38,6 +38,7 @@ TERMS = {
     "proportional": Term("coupling", "v", "w", variant="proportional"),
     "magnitude": Term("coupling", "v", "w", variant="magnitude"),
     "grip": Term("coupling", "v", "w", variant="grip"),
+    "share": Term("coupling", "v", "w", variant="share"),
     "surface": Term("surface", "v", "w", levels=GRID, levels2=GRID),
     "state": Term("state", "x"),
 }
@@ -169,6 +170,8 @@ def test_couplings() -> None:
     limit = 1 / (1.0 + 20.0 * 0.4)
     held = limit * math.tanh(1.1 * 0.1 / limit)
     assert forward("grip", [1.1, 1.0, 20.0]) == pytest.approx([held, -held, 0.0])
+    assert forward("share", [0.5, 1.5]) == pytest.approx([0.02, -0.02, 0.0])
+    assert forward("share", [0.5, 3.0]) == pytest.approx([0.0, 0.0, 0.0])
 
 
 @settings(max_examples=60, deadline=None)

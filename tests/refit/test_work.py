@@ -73,6 +73,19 @@ def test_a_correction_is_looked_for_beside_the_tuned_numbers_too() -> None:
     assert effect == pytest.approx(0.13, abs=0.003)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_number_of_the_model_wins_over_a_term_that_explains_as_much(seed: int) -> None:
+    """A gain that explains a third of the deviation; the rest is noise, which no term explains."""
+    rng = np.random.default_rng(seed)
+    v = np.repeat(rng.uniform(0.0, 0.2, 60), 5)
+    x = np.cumsum(0.9 * v) + rng.normal(0.0, 0.04, len(v))
+    block = make_block(t=np.arange(len(v)) * 10**9, u=v[:, None], y=x[:, None])
+    with Twin(SPEC) as twin:
+        content = work(twin).content(Task("correct", twin.champion, (block,), 0))
+    assert content["candidate"]["reason"] == "tuned gain"
+    assert content["candidate"]["values"]["gain"] == pytest.approx(0.9, abs=0.04)
+
+
 @pytest.mark.parametrize(("sway", "kind"), [(0.0, "normal"), (0.2, "abnormal")])
 def test_what_tuning_leaves_beyond_the_requirement_is_not_normal(sway: float, kind: str) -> None:
     """A cart that is also dragged to and fro, by what no input tells; tuned numbers are tried."""

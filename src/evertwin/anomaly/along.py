@@ -3,6 +3,9 @@
 The outputs of a robot are east and north; what it loses of its speed lies along its way, wherever
 that leads. Such a residual depends on no input output by output, and along the effect of the speed
 on all of them it does.
+
+A command that acts at any time between two rows is in one of them as if it had acted all the while.
+What that leaves follows each change of the command, whatever the form.
 """
 
 from __future__ import annotations
@@ -32,6 +35,31 @@ def effects(problem: Problem, values: Vector) -> list[Outputs]:
         moved = replace(problem, windows=tuple(windows)).residuals(values)
         found.append(wrap(r - moved, model.outputs.angles) / STEP)
     return found
+
+
+def timed(
+    problem: Problem, values: Vector, noise: Float64[np.ndarray, " ny"]
+) -> tuple[Outputs, Float64[np.ndarray, " nu"]]:
+    """The residuals less what each input leaves that acts up to a row sooner or later, (n, ny); and
+    by how many rows sooner, (nu,)."""
+    r, angles = problem.residuals(values), problem.model.outputs.angles
+    unit, moved = np.where(noise > 0, noise, 1.0), list[Outputs]()
+    for j in range(len(problem.model.inputs)):
+        windows = []
+        for window in problem.windows:
+            u = window.u.copy()
+            u[:-1, j] = u[1:, j]
+            windows.append(window._replace(u=u))
+        sooner = replace(problem, windows=tuple(windows)).residuals(values)
+        moved.append(wrap(r - sooner, angles))
+    effect = np.stack(moved, axis=-1)
+    known = np.isfinite(r) & np.isfinite(effect).all(axis=-1)
+    columns, off = (effect / unit[:, None])[known], (r / unit)[known]
+    if not known.any():
+        return r, np.zeros(len(moved))
+    rows = np.linalg.lstsq(columns, off, rcond=None)[0]
+    rows = np.where(np.abs(rows) < 1.0, rows, 0.0)  # more of them are a delay or a lag
+    return r - np.where(np.isfinite(effect), effect, 0.0) @ rows, rows
 
 
 def along(

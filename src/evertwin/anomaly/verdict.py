@@ -7,7 +7,8 @@ A deviation was suspected, and the window was tuned. The answer is read from wha
 * it still depends on the inputs, or tuning had to leave the bounds: the form is wrong, *abnormal*.
 
 Dependence is tested on each input and on its change since the prediction began (a missing lag shows
-there), with as many effective rows as the residual's memory leaves. With enough rows any model
+there), with as many effective rows as the residual's memory leaves. What a command leaves that acts
+up to a row sooner or later than its row says is no dependence. With enough rows any model
 fails such a test, so size counts too: the part of the *first* deviation that inputs still explain,
 share of the tuned residual times what tuning left, has to reach ``part``.
 
@@ -41,14 +42,14 @@ from typing import Any
 
 import numpy as np
 
-from evertwin.anomaly.along import along, effects
+from evertwin.anomaly.along import along, effects, timed
 from evertwin.fold import plain
 from evertwin.models.kernel import CONTINUE
 from evertwin.tuning import Dependence, Fit, Problem
 from evertwin.tuning.autocorrelation import Correlation
 from evertwin.tuning.classes import Classes
 from evertwin.tuning.statistics import depends
-from evertwin.types import Inputs, Json, Vector
+from evertwin.types import Float64, Inputs, Json, Outputs, Vector
 
 
 @dataclass(frozen=True)
@@ -114,11 +115,11 @@ def branch(
     shares = {name: explained(refit, fit.noise) for name, refit in (refits or {}).items()}
     cause = _cause(shares, rule)
     left = 1.0 - explained(fit, fit.noise)
-    worst, part = _dependence(fit, problem, rule)
+    worst, part, sooner = _dependence(fit, problem, rule)
     evidence: dict[str, Any] = {
         "explained": 1.0 - left, "shares": shares, "dependence": worst and worst._asdict(),
         "part": part, "white": {r.output: r.whiteness for r in fit.residuals},
-        "at_bound": fit.at_bound, "converged": fit.converged,
+        "at_bound": fit.at_bound, "converged": fit.converged, "sooner": sooner,
     }  # fmt: skip
 
     def verdict(kind: str, reason: str) -> Verdict:
@@ -144,7 +145,7 @@ def branch(
     return verdict(
         "normal",
         f"tuning explains {100 * (1.0 - left):.0f} % of the deviation, and no input explains "
-        "what is left",
+        f"what is left{'' if sooner is None else ', beyond when within a row it acts'}",
     )
 
 
@@ -168,13 +169,27 @@ def _cause(shares: Mapping[str, float], rule: Rule) -> str:
     return ranked[0]
 
 
-def _dependence(fit: Fit, problem: Problem, rule: Rule) -> tuple[Dependence | None, float]:
-    """The dependence that weighs most, None if none counts; and its part of the deviation."""
+def _dependence(
+    fit: Fit, problem: Problem, rule: Rule
+) -> tuple[Dependence | None, float, Float64[np.ndarray, " nu"] | None]:
+    """The dependence that weighs most, None if none counts; its part of the deviation; and the rows
+    by which inputs act sooner, where all there is of it is that."""
+    found = _weightiest(problem.residuals(fit.values), fit, problem, rule)
+    if found[0] is None or not len(problem.model.states):
+        return *found, None
+    left, sooner = timed(problem, fit.values, fit.noise)
+    found = _weightiest(left, fit, problem, rule)
+    return *found, sooner if found[0] is None else None
+
+
+def _weightiest(
+    left: Outputs, fit: Fit, problem: Problem, rule: Rule
+) -> tuple[Dependence | None, float]:
+    """The same of residuals after tuning."""
     rows, model = problem.rows, problem.model
-    names = model.inputs.names
-    left, outputs = problem.residuals(fit.values), model.outputs.names
+    names, outputs = model.inputs.names, model.outputs.names
     before = {r.output: r.rms_before for r in fit.residuals}
-    after = {r.output: r.rms_after for r in fit.residuals}
+    after = {name: _rms(column) for name, column in zip(outputs, left.T, strict=True)}
     if len(outputs) > 1 and len(model.states):
         start, told = problem.residuals(problem.start), [*left.T]
         for name, effect in zip(names, effects(problem, fit.values), strict=True):

@@ -331,11 +331,24 @@ class _Search:
         few = [k for k, part in enumerate(best.parts) if id(part.term) in new and part.few]
         best, after = (settled(best, few, self.evidence), after) if kept else (stack, before)
         best, taken = absorbed(best, few if kept else (), self.settings.numbers, self.evidence)
+        if taken:  # of some terms nothing is left
+            best = _acting(best, few)
+            kept = tuple(g for g in kept if any(g.term is part.term for part in best.parts))
         return Proposal(
             Form(tuple(part.term for part in best.parts), form.variant),
             best.model.parameters.names, best.p, before, after, self.scale(best), kept,
             describe(best), tried, tuple(gains), taken=taken,
         )  # fmt: skip
+
+
+def _acting(stack: Stack, parts: Sequence[int]) -> Stack:
+    """Without those of these parts whose numbers are all neutral."""
+    neutral = stack.model.parameters.values
+    for k in reversed(parts):
+        own = slice(stack.first(k), stack.first(k) + len(stack.parts[k].values))
+        if np.array_equal(stack.p[own], neutral[own]):
+            stack, neutral = stack.without(k), np.delete(neutral, own)
+    return stack
 
 
 class _Option(NamedTuple):

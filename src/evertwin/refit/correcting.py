@@ -52,7 +52,8 @@ def learn(setup: Setup, base: Model, version: Version, windows: Windows) -> Prop
 def nearest(
     versions: Versions, proposals: Sequence[Proposal], windows: Windows, horizon: float
 ) -> Proposal:
-    """The first of them, unless another one is nearer to the windows by `CLEARLY`."""
+    """The first of them, its numbers alone where it found no term, unless another one is nearer to
+    the windows by `CLEARLY`."""
     best = proposals[0]
     for other in (one for one in proposals[1:] if one.found):
         models = [versions.model_of(one.form) for one in (best, other)]
@@ -61,7 +62,7 @@ def nearest(
             mean_deviation(seen.deviations(seen.residual(model, one.p)))
             for model, one in zip(models, (best, other), strict=True)
         )
-        best = other if not best.found or there < (1.0 - CLEARLY) * here else best
+        best = other if there < (1.0 - CLEARLY) * here else best
     return best
 
 

@@ -318,7 +318,7 @@ class Work(Tuner):
 
     def _corrected(self, version: Version, windows: Windows) -> dict[str, Any]:
         base: Model = self.setup.model
-        found, starts = self._half(version, windows), [version]
+        found, starts = self._tuned_alone(version, windows), [version]
         if found:  # what numbers of the model explain no term has to
             starts.insert(0, replace(version, values=tuple(found[1].p.tolist())))
         proposals = [learn(self.setup, base, start, windows) for start in starts]
@@ -345,13 +345,13 @@ class Work(Tuner):
             "candidate": self._candidate(proposal.form, values, proposal.scale, reason, windows),
         }
 
-    def _half(self, version: Version, windows: Windows) -> tuple[Problem, Fit] | None:
-        """What tuning finds, where that explains half of the deviation or more."""
+    def _tuned_alone(self, version: Version, windows: Windows) -> tuple[Problem, Fit] | None:
+        """What tuning finds, where that is worth a switch."""
         names = self.editable(version)
         if not names:
             return None
         problem, fit, _ = self.tune(self.problem(version, windows, names))
-        return (problem, fit) if explained(fit, fit.noise) >= HALF else None
+        return (problem, fit) if explained(fit, fit.noise) >= self.setup.trial.margin else None
 
     def _candidate(
         self, form: Form, values: Mapping[str, float], scale: np.ndarray, reason: str,

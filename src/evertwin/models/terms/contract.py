@@ -36,8 +36,9 @@ from evertwin.models.terms.rows import Rows
 from evertwin.signals.channels import Channel
 from evertwin.types import Bool, Float64, ParameterVector, StateVector, Vector
 
-SIMPLE, SHAPED, FREE = 1, 2, 3
-"""Tiers: one or two numbers; a law with a shape; a table or a surface. Climbed in this order."""
+SIMPLE, SHAPED, MIXED, FREE = 1, 2, 3, 4
+"""Tiers: one or two numbers; a law with a shape; one that multiplies two inputs; a table or a
+surface. Climbed in this order."""
 Intervals: TypeAlias = Mapping[str, tuple[float, float]]
 """95 % intervals by the local name of a parameter."""
 
