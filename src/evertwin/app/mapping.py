@@ -63,7 +63,7 @@ def make_map(
             _write_fused(found.fused, out / "fused.csv")
     off = None
     if against is not None:
-        off = trajectory_error(found.poses.pose, _reference(scans, against))
+        off = trajectory_error(found.poses.pose, _reference(scans, against), found.poses.segment)
     content = _content(scans, found, off)
     show(content, _text(content, out), as_json)
 
