@@ -25,8 +25,8 @@ What comes out is a proposal. It goes live through a trial on unseen data only.
 >>> proposal = improve(Robot1D(), Form(), (rows,), 5.0, Selection(kinds=("law",)))
 >>> [term.kind for term in proposal.form.terms], proposal.gains[0].gain > 0.9
 (['law'], True)
->>> proposal.describes[0].rpartition(", ")[2]
-'saturation at 0.0999 m/s'
+>>> proposal.describes
+('v: saturation at 0.0999 m/s',)
 """
 
 from __future__ import annotations
