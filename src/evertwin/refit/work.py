@@ -346,12 +346,14 @@ class Work(Tuner):
         }
 
     def _tuned_alone(self, version: Version, windows: Windows) -> tuple[Problem, Fit] | None:
-        """What tuning finds, where that is worth a switch."""
+        """What tuning finds, where that is worth a switch; of a table, which takes a gain as well,
+        where it explains half of the deviation."""
         names = self.editable(version)
         if not names:
             return None
         problem, fit, _ = self.tune(self.problem(version, windows, names))
-        return (problem, fit) if explained(fit, fit.noise) >= self.setup.trial.margin else None
+        least = HALF if self.setup.spec.correction.translated else self.setup.trial.margin
+        return (problem, fit) if explained(fit, fit.noise) >= least else None
 
     def _candidate(
         self, form: Form, values: Mapping[str, float], scale: np.ndarray, reason: str,
