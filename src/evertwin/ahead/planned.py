@@ -28,9 +28,9 @@ from evertwin.signals import Channel
 from evertwin.signals.units import compatible, from_si, to_si
 from evertwin.sources.small_table import Table, read_table
 from evertwin.sources.spec import ChannelSpec
+from evertwin.sources.stamps import seconds_of
 from evertwin.types import Bools, Float64, Int64, Intervals, Vector
 
-SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
 BEYOND = 0.05
 """Share of an input's recorded range by which it may leave it unsaid."""
 FEW = 3
@@ -110,7 +110,7 @@ class _Plan(NamedTuple):
     def time(self) -> Vector:
         """Stamps of the rows [s]."""
         for source in self.basis.setup.spec.source:
-            name, factor = source.time.column, SECONDS.get(source.time.unit)
+            name, factor = source.time.column, seconds_of(source.time.unit)
             if isinstance(name, str) and name in self.table.names and factor:
                 known = name in self.table.units or name in self.table.dates
                 return self.table.column(name) * (1.0 if known else factor)

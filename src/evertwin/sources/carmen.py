@@ -220,6 +220,7 @@ def _scans(name: str, found: list[_Scan], odometry: _Odometry | None, notes: lis
             findings.append(
                 "the poses of lidar and odometry are the same in every line: what is called "
                 "odometry may be the result of a mapping program, and is not used"
+                + ("" if odometry is None else "; the lines of odometry alone are")
             )
     step, assumed = _assumed(name, ranges)
     lidar = Lidar.ahead(usual, step, longest)

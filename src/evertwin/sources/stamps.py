@@ -49,6 +49,17 @@ def texts(cells: Sequence[bytes]) -> np.ndarray:
     return np.array([c if len(c) <= LONGEST else c[: LONGEST - 3] + b"..." for c in cells])
 
 
+def seconds_of(unit: str) -> float | None:
+    """How long a unit of time is [s]; None: it is an order of dates, or unknown.
+
+    >>> seconds_of("ms"), seconds_of("h"), seconds_of("iso")
+    (0.001, 3600.0, None)
+    """
+    if unit in UNITS:
+        return float(10.0 ** (UNITS[unit] - 9))
+    return float(_LONG[unit]) if unit in _LONG else None
+
+
 def to_ns(raw: np.ndarray, unit: str) -> Stamps:
     """Nanoseconds of a raw column of time; `NO_STAMP` where a cell holds none.
 
