@@ -74,7 +74,7 @@ def _saved(place: Path, method: str, test: list[Path], rows: Any, about: Any) ->
         start += n
         found = {
             name: rows[roles[name] + "_predicted"].ravel()[part]
-            / SIZES.get(about["units"][name], 1.0)
+            / (SIZES.get(about["units"][name], 1.0) if about["form"] != "tank" else 1.0)
             for name in about["outputs"]
         }
         save(place / f"{method}_{file.stem.rsplit('_', 1)[1]}.csv", found)

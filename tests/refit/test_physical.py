@@ -166,3 +166,14 @@ def test_no_machine_has_a_mass_below_zero() -> None:
     before = {"J": 2e-4, "offset": 0.5, "R": -1.0}  # what was below zero may stay there
     assert passive(model, np.array([-1e-4, -0.5, -1.3]), before) == "J -0.0001 kg*m^2"
     assert not passive(model, np.array([1e-4, -0.5, -1.3]), before)
+
+
+@pytest.mark.parametrize("root", [28.0, -28.0])
+def test_of_friction_only_the_sum_has_to_resist(root: float) -> None:
+    """v^0.6 is told by a root with a viscous term below zero, and resists at every speed."""
+    axis, v = DriveForce("sign+root"), np.linspace(-1.0, 1.0, 21)
+    p = axis.parameters.with_values({"Fv": -5.7, "Fc": 5.5, "Fr": root}).values
+    u = np.stack([v, np.zeros(21)], axis=1)
+    rows = make_block(t=np.arange(21) * 10**8, u=u, y=np.zeros((21, 1)))
+    assert not passive(axis, p, {"Fv": 11.8, "Fc": 13.5})
+    assert bool(not_physical(axis, p, (rows,))) == (root < 0)

@@ -21,7 +21,7 @@ def settled(problem: Problem) -> Fit:
     >>> settled(Problem(Omni(), (rows,), ("gain", "side_gain"))).names
     ('gain',)
     """
-    fit = told_apart(problem, solve(problem)) if len(problem.model.states) else solve(problem)
+    fit = told_apart(problem, solve(problem))
     for stays, why in (
         (_superseded(problem, fit), "the correction tells the same"),
         (_untouched(fit), "no row tells them"),

@@ -40,6 +40,8 @@ OFTEN = 10
 """Contacts in a run from which on it is said that they may be none."""
 ROUGH = 3.0
 """A jump of fewer times what the model is off by is no news of its sensor."""
+NO_MACHINE = ("not physical: ", "outside: ")
+"""How a rejection begins of numbers that no machine has, whatever they explain."""
 
 
 def headline(
@@ -264,11 +266,11 @@ def _nothing_better(setup: Setup, events: Sequence[Event], trial: OpenTrial | No
             f'learn that, add [correction] channels = ["{channel}"], terms = ["lag", "table", '
             '"law"] to its file'
         )
-    tried = sum(e.kind == "rejected" for e in events)
-    if tried:
-        return (
-            f"nothing better was found: {tried} candidate{'s were' if tried > 1 else ' was'} tried"
-        )
+    rejected = [e.reason for e in events if e.kind == "rejected"]
+    if rejected:
+        tried = f"{len(rejected)} candidates were" if len(rejected) > 1 else "1 candidate was"
+        why = f", the last {rejected[-1]}" if rejected[-1].startswith(NO_MACHINE) else ""
+        return f"nothing better was found: {tried} tried{why}"
     return "nothing better has been found yet"
 
 

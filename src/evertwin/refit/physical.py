@@ -19,7 +19,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from evertwin.anomaly.verdict import Rule
-from evertwin.machines.friction.resisting import pushes
+from evertwin.machines.friction.resisting import pushes, rubbed, within
 from evertwin.models import Model, Parameters
 from evertwin.setup.friction_law import Laddered
 from evertwin.signals.units import compatible
@@ -63,14 +63,19 @@ def physically(problem: Problem, tune: Tune) -> tuple[Fit, dict[str, Any]]:
 def passive(model: Model, p: ParameterVector, before: Mapping[str, float]) -> str:
     """Numbers that no machine has below zero and that fell below it, in words; empty: none did.
 
+    Of friction it is the sum of its terms that resists: one of them may be below zero.
+
     Args:
         model: of a candidate, with ``p``, (np,).
         before: what was above zero may not fall below.
     """
+    drives = rubbed(model, within(model.inputs), within(model.outputs), p)
+    terms = {name for drive in drives for name in drive.coefficients}
     return ", ".join(
         f"{item.name} {value:.3g} {item.unit}"
         for item, value in zip(model.parameters, p.tolist(), strict=True)
-        if value < 0.0 < before.get(item.name, 0.0)
+        if item.name not in terms
+        and value < 0.0 < before.get(item.name, 0.0)
         and any(compatible(item.unit, unit) for unit in PASSIVE)
     )
 

@@ -9,7 +9,7 @@ measures: they belong to the recording, so each one gets its own.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -88,25 +88,26 @@ def with_terms(setup: Setup, work: Work, version: Version, problem: Problem) -> 
     model = build(setup.model, proposal.form)
     known = dict(zip(problem.model.parameters.names, fit.p.tolist(), strict=True))
     tried = []
-    for start in _starts(setup, problem, proposal, horizon):
+    proposed, *general = _starts(setup, problem, proposal, horizon)
+    for start in (proposed, *({**start, **known} for start in (proposed, *general))):
         names = own_names(model, work.tunable(model), len(problem.windows))
         wider = replace(
             problem, model=model, editable=names,
-            prior=model.parameters.with_values(start | known),
+            prior=model.parameters.with_values(start),
             settings=replace(
                 problem.settings, far=formed_far(problem.settings.far, setup.spec, proposal.form)
             ),
         )  # fmt: skip
         wider, found, _ = work.tune(wider)
         tried.append(Formed(wider, found, proposal.form, search))
-    formed = min(tried, key=lambda one: one.fit.cost)
+    # costs are in units of each fit's own noise: all alike, however much is left
+    share = [_left(rule.outputs, without, one) for one in tried]
+    formed = tried[min(range(len(tried)), key=lambda k: (not tried[k].fit.converged, share[k]))]
     left: list[Json] = [
         {"output": o, "without": a, "with": b} for o, a, b in _rms(without.fit, formed.fit)
     ]
     search |= {"tuned": left}
-    asked = rule.outputs or [output for output, _, _ in _rms(without.fit, formed.fit)]
-    ratios = [b / a for o, a, b in _rms(without.fit, formed.fit) if a > 0 and o in asked]
-    if not formed.fit.converged or float(np.mean(ratios)) > 1.0 - GAIN:
+    if not formed.fit.converged or _left(rule.outputs, without, formed) > 1.0 - GAIN:
         return replace(without, search=search)
     return formed
 
@@ -131,6 +132,13 @@ def _starts(
             values[name] = max(values[name], low + 0.01 * size)
         found += [dict(zip(names, start, strict=True)) for start in candidate.starts]
     return [values, *(values | start for start in found)]
+
+
+def _left(outputs: Sequence[str], without: Formed, formed: Formed) -> float:
+    """What a form leaves of the rms residual without it, mean over the outputs; none: over all."""
+    pairs = _rms(without.fit, formed.fit)
+    asked = outputs or [output for output, _, _ in pairs]
+    return float(np.mean([b / a for output, a, b in pairs if a > 0 and output in asked]))
 
 
 def _rms(one: Fit, two: Fit) -> list[tuple[str, float, float]]:
