@@ -142,6 +142,7 @@ class Decide:
         if not agenda.open:  # open work goes by what was known when it was asked for
             # after as long as a deviation is judged on, what rows tell has to do
             last = 0 < again <= state.row - min(setup.window("fit"), setup.enough)
+            last = last and state.row >= agenda.hold  # it is asked for now, or at a later beat
             again = 0 if last or reason == "" else again
             held = reason == ""
             over = held and bool(agenda.doubt) and driven(setup, decision.state.ring)
