@@ -24,6 +24,7 @@ import numpy as np
 from evertwin.errors import TooFew
 from evertwin.gauges.change import split
 from evertwin.gauges.gauge_rows import LEAST, Rows
+from evertwin.gauges.kinematic import contradicted
 from evertwin.gauges.misread import ALIKE, Reading, misread, possible
 from evertwin.gauges.offset import HELD, NEAR, offset
 from evertwin.gauges.sensor_change import SensorChange, since_change, unmeasured
@@ -114,6 +115,9 @@ def _reading(rows: Rows) -> SensorChange | None:
             continue
         first, stop = _span(rows, one)
         first = at if at and abs(at - first) <= NEAR else _onset(rows, one, first)
+        inputs = one.factors[: len(rows.setup.model.inputs)]
+        if contradicted(rows.setup, rows.windows, (first, stop), inputs):
+            continue
         left = _plausible(rows, one, first, stop) and _left(rows, one, first, stop)
         if left:
             found.append((left, first, stop, one))

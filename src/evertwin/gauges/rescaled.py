@@ -14,6 +14,7 @@ from functools import partial
 import numpy as np
 
 from evertwin.errors import TooFew
+from evertwin.gauges.kinematic import contradicted
 from evertwin.gauges.sensor_change import LEAST, SensorChange, since_change, unmeasured
 from evertwin.models import Model
 from evertwin.models.batch import mapped
@@ -71,13 +72,16 @@ def rescaled(
         divided = np.where([n == rival.channel for n in names], y / rival.number, y)
         moving = setup.moving(u)
         best = min(best, (0.5 * _left(off(u, divided, moving), off(u, y, moving)), "", 1.0, ""))
-    channels = measured(setup.spec, model.inputs)
+    channels, ones = measured(setup.spec, model.inputs), np.ones((1, u.shape[1]))
     for name, (columns, unit) in channels.items():
         for known, told in numbers(unit):
             other = _divided(u, columns, known)
             moving = setup.moving(other)  # friction at rest may be anything
             left = _left(off(other, y, moving), off(u, y, moving))
-            best = min(best, (left, name, known, told))
+            if left < best[0] and not contradicted(
+                setup, windows, (first, len(deviation)), _divided(ones, columns, known)[0]
+            ):
+                best = left, name, known, told
     _, name, number, told = best
     if not name:
         return None

@@ -1,0 +1,63 @@
+"""A position and its speed, both recorded: one that is read otherwise contradicts the other."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from evertwin.anomaly.kinematics import FEWEST, STRETCH
+from evertwin.fold import take
+from evertwin.setup.setup import Setup
+from evertwin.setup.task import Windows
+from evertwin.types import Vector
+
+MOVES = 10
+"""Stretches at least that tell whether the two say the same."""
+
+
+def contradicted(setup: Setup, windows: Windows, rows: tuple[int, int], factors: Vector) -> bool:
+    """Do a position and its speed say the same as they were recorded, and less so under a reading?
+
+    Args:
+        setup: of the twin; its pairs are among the inputs.
+        windows: rows of the recording.
+        rows: first of those that are read otherwise, and the one after the last.
+        factors: what each input is multiplied by under the reading, (nu,).
+    """
+    for position, speed, angle in setup.kinematics.columns:
+        if factors[position] == factors[speed]:
+            continue
+        ways = [_ways(setup, w.u[:, [position, speed]], w.dt, bool(angle))
+                for w in _between(windows, *rows)]  # fmt: skip
+        if sum(len(one) for one in ways) < MOVES:
+            continue
+        went, said = np.concatenate(ways).T
+        recorded = _apart(went, said)
+        if recorded < _apart(went * factors[position], said * factors[speed]):
+            return True
+    return False
+
+
+def _ways(setup: Setup, u: np.ndarray, dt: Vector, angle: bool) -> np.ndarray:
+    """Of each stretch: how far the position went, and how far by the speed, (n, 2)."""
+    wide = max(FEWEST, round(STRETCH * setup.kinematics.rate))
+    ends = np.arange(0, len(u), wide)
+    way = np.concatenate([[0.0], np.cumsum(0.5 * (u[1:, 1] + u[:-1, 1]) * dt[1:])])
+    went = np.diff(np.unwrap(u[:, 0])[ends] if angle else u[ends, 0])
+    found = np.stack([went, np.diff(way[ends])], axis=1)
+    return np.asarray(found[np.isfinite(found).all(axis=1)])
+
+
+def _between(windows: Windows, first: int, stop: int) -> Windows:
+    """The windows of rows [first, stop), counted from the first of all."""
+    found, at = [], 0
+    for window in windows:
+        a, b = (min(max(edge - at, 0), len(window.t)) for edge in (first, stop))
+        at += len(window.t)
+        if b - a > 1:
+            found.append(take(window, a, b))
+    return tuple(found)
+
+
+def _apart(went: Vector, said: Vector) -> float:
+    """How far the two are from each other, of how far they go."""
+    return float(np.abs(went - said).sum() / max(np.abs(went).sum() + np.abs(said).sum(), 1e-300))

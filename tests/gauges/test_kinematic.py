@@ -1,0 +1,56 @@
+"""A speed is in no other unit while the recorded position goes as far as it says."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from evertwin import Twin
+from evertwin.fold import make_block
+from evertwin.gauges.kinematic import contradicted
+from evertwin.setup.setup import Setup
+
+TWIN = """
+schema = 1
+name = "axis"
+[clock]
+rate = "50 Hz"
+[model]
+kind = "drive_force"
+options = { law = "sign+position" }
+[[source]]
+name = "log"
+time = { column = "t", unit = "s" }
+channels.speed = { column = "v", unit = "m/s" }
+channels.acceleration = { column = "a", unit = "m/s**2" }
+channels.force = { column = "f", unit = "N" }
+channels.position = { column = "q", unit = "m" }
+"""
+STEP, MILES = 0.02, 0.44704
+
+
+@pytest.fixture
+def setup(tmp_path: Path) -> Setup:
+    (tmp_path / "axis.toml").write_text(TWIN)
+    with Twin.open(tmp_path / "axis.toml") as twin:
+        return twin.setup
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize(("wrong", "scaled"), [(1.0, True), (MILES, False)])
+def test_the_position_decides(setup: Setup, seed: int, wrong: float, scaled: bool) -> None:
+    rng = np.random.default_rng(seed)
+    t = STEP * np.arange(1500)
+    w = rng.uniform(0.5, 2.0, (3, 1))
+    v = (rng.uniform(0.1, 0.5, (3, 1)) * np.sin(w * t)).sum(axis=0)
+    q = np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * STEP)])
+    named = {"speed": v * wrong, "acceleration": np.gradient(v, STEP), "position": q}
+    u = np.stack([named[name] for name in setup.model.inputs.names], axis=1)
+    u += rng.normal(0.0, 1e-3, u.shape)
+    rows = make_block(t=(t * 1e9).astype(np.int64), u=u, y=np.zeros((len(t), 1)))
+    factors = np.ones(3)
+    factors[setup.model.inputs.index("speed")] = 1.0 / MILES
+    assert contradicted(setup, (rows,), (200, 1500), factors) == scaled
+    assert not contradicted(setup, (rows,), (200, 1500), np.ones(3))
