@@ -10,6 +10,7 @@ import pytest
 from evertwin import FunctionModel, Layout, RunResult, Twin, TwinSpec
 from evertwin.anomaly.spec import AnomalySpec
 from evertwin.config.spec import ChannelSpec, ModelSpec, PredictionSpec, SourceSpec, Span
+from evertwin.gauges.exchanged import exchanged
 from evertwin.models import Parameter, Parameters
 from evertwin.models.translated import translated
 from evertwin.sync.spec import ClockSpec, DeriveSpec, FilterSpec, MovingSpec
@@ -185,3 +186,15 @@ def test_a_position_that_was_read_otherwise_is_named_though_only_derivatives_are
     told = [e for e in result.of_kind("abnormal") if e.signal == "position"]
     assert told and said in told[0].reason and not result.of_kind("promoted")
     assert t[told[0].row] < t[len(t) // 2] + 30.0
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_crossed_cables_exchange_what_is_recorded(seed: int) -> None:
+    """Two motor currents, each with its own constant: as torques neither is what the other was."""
+    rng = np.random.default_rng(seed)
+    sizes = rng.uniform(5.0, 40.0, 4)
+    expected = rng.normal(0.0, 10.0, (300, 4))
+    recorded = (expected + rng.normal(0.0, 0.1, expected.shape)) / sizes
+    crossed = recorded[:, [0, 3, 2, 1]] * sizes
+    assert exchanged(crossed, expected, ("Nm",) * 4) == (0, 1, 2, 3)
+    assert exchanged(crossed, expected, ("Nm",) * 4, sizes) == (0, 3, 2, 1)

@@ -30,6 +30,10 @@ def test_what_moved_most_by_its_interval_is_first() -> None:
     moves = [("Fv", 303.0, 296.0), ("offset", -0.1, 0.3), ("mass", 80.1, 111.0)]
     halves = {"Fv": 5.0, "offset": 0.2, "mass": 0.5}
     assert in_words(moves, UNITS, halves).startswith("mass 80.1 → 111 kg, offset")
+    some = {"Fv": 5.0, "mass": 0.5}  # of the offset no interval is known
+    assert in_words(moves, UNITS, some).startswith("mass 80.1 → 111 kg, Fv")
+    assert in_words(moves, UNITS, {}).startswith("offset")
+    assert in_words(moves, UNITS, {}, ["offset"]).startswith("mass 80.1 → 111 kg, Fv")
     alike = [("Fv", 303.0, 296.0), ("mass", 80.1, 111.0)]
     assert in_words(alike, UNITS, {}) == "mass 80.1 → 111 kg, Fv 303 → 296 Ns/m"
 

@@ -15,11 +15,12 @@ from collections.abc import Callable
 import numpy as np
 
 from evertwin.fold import Block, take
+from evertwin.gauges.gauge_rows import residual, unchanged
 from evertwin.gauges.sensor_change import unmeasured
 from evertwin.gauges.settled import settled
 from evertwin.tuning import Problem
 from evertwin.tuning.recordings import initials
-from evertwin.types import Inputs, Outputs, PerOutput, Vector
+from evertwin.types import Inputs, Outputs, PerOutput
 
 BLOCKS, ROWS = 384, 10
 """Blocks of a window at most, rows of one at least: neighbouring rows are alike."""
@@ -80,7 +81,7 @@ def suddenly(windows: Windows, pose: Callable[[Windows], Problem]) -> Windows:
     place. Whether it is the machine that changed there is for a search on them to tell.
     """
     whole = pose(windows)
-    place = likely(_residuals(whole, whole.start))
+    place = likely(unchanged(whole))
     return split(windows, place)[1] if place else ()
 
 
@@ -93,7 +94,7 @@ def changed(windows: Windows, pose: Callable[[Windows], Problem]) -> int:
         pose: the problem on some of them; it starts at the version as it is.
     """
     whole = pose(windows)
-    place = likely(_residuals(whole, whole.start))
+    place = likely(unchanged(whole))
     if not place:
         return 0
     fitted = settled(pose(split(windows, place)[1]))
@@ -101,7 +102,7 @@ def changed(windows: Windows, pose: Callable[[Windows], Problem]) -> int:
     for name, value in zip(fitted.names, fitted.values, strict=True):
         if name in whole.names and name not in begins:
             values[whole.names.index(name)] = value
-    start, fit = (np.square(_residuals(whole, v)) for v in (whole.start, values))
+    start, fit = (np.square(residual(whole, v)) for v in (whole.start, values))
     size = _mean(start)
     # the row from which on the fit is the better one, summed over all rows
     place = 1 + int(np.argmin(np.cumsum(np.nansum((start - fit) / size, axis=1))))
@@ -121,11 +122,6 @@ def _seen(u: Inputs, place: int) -> np.ndarray:
     bins = np.nan_to_num((u - low) / np.where(high > low, high - low, 1.0) * BINS).astype(int)
     known = [np.isin(column[place:], column[:place]) for column in bins.T]
     return np.all(known, axis=0) if known else np.ones(len(u) - place, dtype=np.bool_)
-
-
-def _residuals(problem: Problem, values: Vector) -> Outputs:
-    """NaN where a row does not count."""
-    return np.where(problem.rows.used, problem.residuals(values), np.nan)
 
 
 def _mean(squares: Outputs) -> PerOutput:

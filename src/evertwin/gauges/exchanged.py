@@ -19,20 +19,25 @@ from collections.abc import Sequence
 import numpy as np
 import scipy
 
-from evertwin.types import Outputs
+from evertwin.types import Outputs, PerOutput
 
 LEFT = 0.01
 """Largest share of the squared deviation that the exchange may leave."""
 
 
-def exchanged(measured: Outputs, expected: Outputs, units: Sequence[str]) -> tuple[int, ...]:
+def exchanged(
+    measured: Outputs, expected: Outputs, units: Sequence[str], sizes: PerOutput | float = 1.0
+) -> tuple[int, ...]:
     """Of each measured output the one that it looks like; its own where no exchange does.
 
     Args:
         measured: (n, ny); NaN where there is none.
         expected: (n, ny).
         units: of each output; only those alike can change places.
+        sizes: what 1 is in each output's recording, (ny,): of crossed cables it is the recorded
+            numbers that change places, amperes of two motors, say, each with its own constant.
     """
+    measured, expected = measured / sizes, expected / sizes
     ny, own = measured.shape[1], tuple(range(measured.shape[1]))
     known = np.isfinite(measured).all(axis=1) & np.isfinite(expected).all(axis=1)
     if not known.any():

@@ -76,7 +76,7 @@ class Rows:
     @cached_property
     def before(self) -> Outputs:
         """Residual of the version as it is, (n, ny); NaN where a row does not count."""
-        return residual(self.whole, self.whole.start)
+        return unchanged(self.whole)
 
     @cached_property
     def tuned(self) -> Outputs:
@@ -168,7 +168,7 @@ class Rows:
         """Residual under a reading, in what was recorded, (n, ny); far off where the model has no
         answer to what is read."""
         posed = self.pose(windows)
-        off = residual(posed, posed.start) / self.sizes_under(one)
+        off = unchanged(posed) / self.sizes_under(one)
         lost = np.isfinite(self.before) & posed.rows.used & np.isfinite(posed.rows.y)
         return np.asarray(np.where(lost & ~np.isfinite(off), FAR * self.sizes, off))
 
@@ -246,3 +246,8 @@ class Rows:
 def residual(problem: Problem, values: Vector) -> Outputs:
     """Measured − predicted, (n, ny); NaN where a row does not count."""
     return np.asarray(np.where(problem.rows.used, problem.residuals(values), np.nan))
+
+
+def unchanged(problem: Problem) -> Outputs:
+    """The same of the version as it is, without a column of what could be tuned."""
+    return np.asarray(np.where(problem.rows.used, problem.first, np.nan))

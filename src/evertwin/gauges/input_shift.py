@@ -24,7 +24,7 @@ from evertwin.fold import Block
 from evertwin.gauges import in_words
 from evertwin.gauges.change import split
 from evertwin.gauges.course import AT_ONCE, CLEAR, evidence, shape_of
-from evertwin.gauges.gauge_rows import LEAST, Rows, residual
+from evertwin.gauges.gauge_rows import LEAST, Rows, unchanged
 from evertwin.gauges.noise import CHANCE
 from evertwin.gauges.sensor_change import SensorChange, unmeasured
 from evertwin.models.kernel import CONTINUE
@@ -198,7 +198,7 @@ def _size(off: Outputs, usual: Outputs, own: Outputs) -> float:
 def _slope(rows: Rows, k: int, by: Vector) -> Outputs:
     """What input ``k`` less ``by`` adds to the residual; 0 where it is not known, (n, ny)."""
     there = rows.pose(without(rows, k, by))
-    more = residual(there, there.start) - rows.before
+    more = unchanged(there) - rows.before
     return np.asarray(np.where(np.isfinite(more), more, 0.0))
 
 

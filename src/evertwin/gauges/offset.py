@@ -21,7 +21,7 @@ from evertwin.errors import TooFew
 from evertwin.fold import Block, Mark
 from evertwin.gauges import in_words
 from evertwin.gauges.change import split
-from evertwin.gauges.gauge_rows import LEAST, Rows, residual
+from evertwin.gauges.gauge_rows import LEAST, Rows, residual, unchanged
 from evertwin.gauges.input_shift import of_inputs, shifted_inputs
 from evertwin.gauges.sensor_change import SensorChange, unmeasured
 from evertwin.gauges.unlike import changes
@@ -318,7 +318,7 @@ def _with(rows: Rows, one: tuple[int, bool], shift: float, stop: int | None = No
 
     stop = rows.stop if stop is None else stop
     posed = rows.pose(rows.changed(rows.since, stop, moved))
-    left = residual(posed, posed.start)
+    left = unchanged(posed)
     if scaled and k >= nu:
         left[rows.since : stop, k - nu] *= 1.0 + shift
     return left
@@ -343,7 +343,7 @@ def _began(rows: Rows, k: int, shift: float) -> bool:
     if sum(len(one.t) for one in rows.earlier) < 2 * LEAST:
         return True
     posed = rows.pose(rows.earlier)
-    left = rows.squares(residual(posed, posed.start))
+    left = rows.squares(unchanged(posed))
     if not np.mean(left[: len(left) // 2]) < HALF * np.mean(rows.squares(rows.before)):
         return True
     blocks = (*rows.earlier, *rows.windows)

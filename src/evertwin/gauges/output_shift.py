@@ -22,7 +22,7 @@ import numpy as np
 from evertwin.fold import Block
 from evertwin.gauges import in_words
 from evertwin.gauges.change import split
-from evertwin.gauges.gauge_rows import LEAST, Rows, residual
+from evertwin.gauges.gauge_rows import LEAST, Rows, residual, unchanged
 from evertwin.gauges.sensor_change import SensorChange, unmeasured
 from evertwin.models.kernel import CONTINUE
 from evertwin.rows.ring import called
@@ -208,7 +208,7 @@ def _off(rows: Rows, channel: tuple[int, bool], lines: Float64[np.ndarray, "n k"
 
     def left_with(by: Vector) -> Outputs:
         posed = rows.pose(undone(by))
-        return recorded(residual(posed, posed.start), by)
+        return recorded(unchanged(posed), by)
 
     since = np.where(lines.any(axis=1), step, 0.0)
     slope = (left_with(since) - rows.before) / step

@@ -21,7 +21,9 @@ def settled(problem: Problem) -> Fit:
     >>> settled(Problem(Omni(), (rows,), ("gain", "side_gain"))).names
     ('gain',)
     """
-    fit = told_apart(problem, solve(problem))
+    fit = solve(problem)
+    if len(problem.model.states) or any("collinear" in why for why in fit.reasons):
+        fit = told_apart(problem, fit)
     for stays, why in (
         (_superseded(problem, fit), "the correction tells the same"),
         (_untouched(fit), "no row tells them"),

@@ -17,6 +17,7 @@ from evertwin.gauges.exchanged import exchanged
 from evertwin.gauges.rescaled import rescaled
 from evertwin.gauges.sensor_change import SensorChange, since_change
 from evertwin.models import Model
+from evertwin.rows.channels import size_recorded
 from evertwin.setup.evaluation import predict
 from evertwin.setup.setup import Setup
 from evertwin.setup.task import Windows
@@ -83,9 +84,13 @@ def _crossed(
     """
     names, first = setup.model.outputs.names, since_change((y - expected)[:, setup.watched])
     rows = first + np.flatnonzero(moving[first:].any(axis=1))
-    looks = exchanged(y[rows], expected[rows], setup.model.outputs.units)
-    moved = [k for k, other in enumerate(looks) if k != other]
-    if not moved:
+    sizes = np.array([size_recorded(setup.spec, name) for name in names])
+    for size in (np.ones(len(names)), sizes):
+        looks = exchanged(y[rows], expected[rows], setup.model.outputs.units, size)
+        moved = [k for k, other in enumerate(looks) if k != other]
+        if moved:
+            break
+    else:
         return None
     if len(y) - first < setup.enough:
         raise TooFew(f"{len(y) - first} rows do not tell crossed outputs from others")

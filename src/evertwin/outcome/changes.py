@@ -37,23 +37,30 @@ def changes(setup: Setup, versions: Sequence[Version], events: Sequence[Event] =
     if not tuned.startswith("tuned ") or not set(names) <= set(now) & set(old) & set(units):
         return shorter(champion.reason)
     names = [name for name in names if name not in initials(setup.model)] or names
-    told = in_words([(name, old[name], now[name]) for name in names], units, _halves(now, events))
+    weak = [name.removesuffix(" (weak)") for name in tuned.split(", ") if name.endswith(" (weak)")]
+    moves = [(name, old[name], now[name]) for name in names]
+    told = in_words(moves, units, _halves(now, events), weak)
     return "; ".join([told, *terms[:FEW]])
 
 
-def in_words(moves: Sequence[Move], units: Mapping[str, str], halves: Mapping[str, float]) -> str:
-    """Old and new values; ``halves``: half the width of a number's interval, where it is known.
+def in_words(
+    moves: Sequence[Move], units: Mapping[str, str], halves: Mapping[str, float],
+    weak: Sequence[str] = (),
+) -> str:  # fmt: skip
+    """Old and new values; ``halves``: half the width of a number's interval, where it is known;
+    ``weak``: numbers that come after all others, as those of which no interval is known.
 
     >>> in_words([("Fc", 12.0, 12.1), ("mass", 80.0, 110.0)], {"mass": "kg", "Fc": "N"}, {})
     'mass 80 → 110 kg, Fc 12 → 12.1 N'
     """
 
-    def size(move: Move) -> float:
+    def size(move: Move) -> tuple[bool, float]:
         name, old, now = move
-        most = max(abs(old), abs(now), 1e-300)
-        return abs(now - old) / (halves.get(name, math.nan) if known else most)
+        half = halves.get(name, math.inf)
+        half = half if known and half > 0.0 else max(abs(old), abs(now), 1e-300)
+        return name not in weak, abs(now - old) / half
 
-    known = all(0.0 < halves.get(name, 0.0) < math.inf for name, *_ in moves)
+    known = any(0.0 < halves.get(name, 0.0) < math.inf for name, *_ in moves)
     most = sorted(moves, key=size, reverse=True)
     told = [
         f"{name} {old:.3g} → {now:.3g} {units[name]}".removesuffix(" 1")

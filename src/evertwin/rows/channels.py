@@ -11,7 +11,7 @@ from evertwin.models import Model
 from evertwin.settings.notes import Path
 from evertwin.settings.quantity import Measured, written
 from evertwin.signals import Channel, Layout
-from evertwin.signals.units import compatible, lacks_angle
+from evertwin.signals.units import compatible, conversion_of, lacks_angle
 from evertwin.sources.spec import ChannelSpec
 
 
@@ -94,6 +94,21 @@ def unit_recorded(spec: TwinSpec, name: str) -> str:
         names = (names - set(todo)).union(*(made[n].source for n in todo))
     units = {"" if n in left else told.get(n, "") for n in names}
     return units.pop() if len(units) == 1 else ""
+
+
+def size_recorded(spec: TwinSpec, name: str) -> float:
+    """What 1 in the recording of a channel of the model is [SI], by its unit and scale; 1 where
+    the twin file says neither.
+
+    >>> from evertwin.config.spec import ModelSpec
+    >>> from evertwin.sources.spec import SourceSpec
+    >>> drive = SourceSpec("drive", channels={"tau": ChannelSpec("current", unit="Nm", scale=1.6)})
+    >>> size_recorded(TwinSpec("axis", ModelSpec("drive_force"), source=(drive,)), "tau")
+    1.6
+    """
+    found = measured_as(spec, name)
+    told = [source.channels[found] for source in spec.source if found in source.channels]
+    return float(told[0].scale * conversion_of(told[0].unit)[0]) if told else 1.0
 
 
 def measured(spec: TwinSpec, layout: Layout) -> dict[str, tuple[list[int], str]]:
