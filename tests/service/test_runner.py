@@ -70,7 +70,7 @@ def run(
     monkeypatch.setattr(room, "open_live", lambda *_: source)
 
     async def go() -> Runner:
-        (folder / "store").mkdir()
+        (folder / "store").mkdir(exist_ok=True)
         plan = read_site(file).twins[0]
         one = Runner(plan, folder / "store", set(), warms=False)
         await one.start()
@@ -129,6 +129,36 @@ def test_what_is_stored_is_acknowledged_while_a_fold_takes_its_time(
         assert one.row == 100
 
     run(tmp_path, source, "", slow, monkeypatch)
+
+
+class Set(Fast):
+    """Its machine's clock was set."""
+
+    clock: tuple[int, ...] | None = None
+
+    def go_on(self, clock: tuple[int, ...]) -> None:
+        self.clock = clock
+
+    async def chunks(self) -> AsyncIterator[Chunk]:
+        async for chunk in super().chunks():
+            now_and_then = int(chunk.t[0]) % 3 == 0
+            yield chunk._replace(clock=(600 * 10**9, -5, 1) if now_and_then else None)
+
+
+def test_a_restart_goes_on_with_the_clock_that_was_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for source, clock in ((Set(11), (600 * 10**9, -5, 1)), (Fast(11), None)):
+        folder = tmp_path / type(source).__name__
+        folder.mkdir()
+        run(folder, source, "", lambda r: folded(r, 11), monkeypatch)
+        again = Set(0)
+
+        async def nothing(_: Runner) -> None:
+            pass
+
+        run(folder, again, "", nothing, monkeypatch)
+        assert again.clock == clock
 
 
 def test_a_model_that_breaks_ends_its_twin_alone(
