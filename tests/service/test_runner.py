@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import math
+import re
 import threading
 import time
 from collections.abc import AsyncIterator, Callable
@@ -22,6 +23,7 @@ from evertwin.errors import StoreUnwritable, UsageError
 from evertwin.fold import Chunk
 from evertwin.service import runner as room
 from evertwin.service.condition import Condition
+from evertwin.service.metrics import exposition
 from evertwin.service.plan import read_site
 from evertwin.service.runner import Runner
 from evertwin.service.service import Service
@@ -159,6 +161,30 @@ def test_a_restart_goes_on_with_the_clock_that_was_kept(
 
         run(folder, again, "", nothing, monkeypatch)
         assert again.clock == clock
+
+
+def test_prometheus_hears_of_conditions_and_alarms(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said: list[str] = []
+
+    async def suspects(one: Runner) -> None:
+        await folded(one, 300)
+        one.condition = Condition({"log": math.inf}, asked=True)
+        one.condition.came("log")
+        known = Service(site(tmp_path, "robot"))
+        known.runners = {"robot": one}
+        said.append(exposition(known).decode())
+        reason = {"number": 7, "kind": "suspected", "reason": "x is off", "row": 4000, "time": 4}
+        one.condition.heard(reason)
+        said.append(exposition(known).decode())
+
+    run(tmp_path, Fast(), "", suspects, monkeypatch)
+    for text, alarm in zip(said, (0, 1), strict=True):
+        assert f'evertwin_twin_alarm{{twin="robot"}} {alarm}.0' in text
+        every = re.findall(r'evertwin_twin_condition{condition="(.*)",twin="robot"} (.)', text)
+        assert len(every) == 5 and dict(every)["out_of_specification"] == str(alarm)
+        assert sum(int(on) for _, on in every) == 1
 
 
 def test_a_model_that_breaks_ends_its_twin_alone(
