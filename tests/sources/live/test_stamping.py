@@ -158,9 +158,10 @@ def test_a_restart_goes_on_with_a_clock_that_was_set(jump: int, speed: int, down
         assert passed > HOUR
 
 
-def test_a_delay_that_was_kept_says_nothing_once_the_clock_here_was_set_back() -> None:
+@pytest.mark.parametrize(("lead", "later"), [(0, -4000), (600, 0)])
+def test_a_clock_here_that_was_set_back_is_not_the_machine_s(lead: int, later: int) -> None:
     clock: Stamping[None] = Stamping()
     clock.resume(5000 * S)
-    clock.go_on((0, 0, 0))
-    out = run(clock, [(t * S, (t - 4000) * S) for t in range(5001, 5011)])
-    assert out == [t * S for t in range(5001, 5011)] and clock.set == 0
+    clock.go_on((0, lead * S, 0))
+    out = run(clock, [(t * S, (t + later) * S) for t in range(6001, 6011)])
+    assert out == [t * S for t in range(6001, 6011)] and clock.set == 0

@@ -179,8 +179,11 @@ class Stamping(Generic[T]):
             return False
         if not self.arrives or self._hurried(came):
             return stamp <= self.newest + max(FAR, min(int(STEPS * self._step), _MONTH))
-        # the first one after a start: the machine may have stood for any time
-        ahead = came - stamp < self._lead - FAR if self._lead is not None else stamp > came + _DAY
+        lead = self._lead
+        if self._first is None and lead is not None:
+            lead = min(lead, 0)  # as it was kept: by a clock here that may have been fast
+        # without any, the first one after a start: the machine may have stood for any time
+        ahead = came - stamp < lead - FAR if lead is not None else stamp > came + _DAY
         return not ahead or stamp <= self.newest + FAR
 
     def _joins(self, stamp: int) -> bool:
