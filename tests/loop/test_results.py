@@ -193,7 +193,9 @@ def test_the_operators_hand_outlives_the_process(tmp_path: Path) -> None:
         assert best > 0
         first.promote(0, "to see")
         assert first.champion.number == 0
-        assert first.rollback().evidence["version"] == best
+        back = first.rollback("seen")
+        assert back.evidence["version"] == best
+        assert back.reason.endswith(f"rolled back to version {best}: seen")
         first.pin(0)
     with Twin(kept) as second:
         assert second.pinned and second.champion.number == 0

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import math
+import re
 import threading
 import time
 from collections.abc import AsyncIterator, Callable
@@ -22,6 +23,7 @@ from evertwin.errors import StoreUnwritable, UsageError
 from evertwin.fold import Chunk
 from evertwin.service import runner as room
 from evertwin.service.condition import Condition
+from evertwin.service.metrics import exposition
 from evertwin.service.plan import read_site
 from evertwin.service.runner import Runner
 from evertwin.service.service import Service
@@ -70,7 +72,7 @@ def run(
     monkeypatch.setattr(room, "open_live", lambda *_: source)
 
     async def go() -> Runner:
-        (folder / "store").mkdir()
+        (folder / "store").mkdir(exist_ok=True)
         plan = read_site(file).twins[0]
         one = Runner(plan, folder / "store", set(), warms=False)
         await one.start()
@@ -129,6 +131,60 @@ def test_what_is_stored_is_acknowledged_while_a_fold_takes_its_time(
         assert one.row == 100
 
     run(tmp_path, source, "", slow, monkeypatch)
+
+
+class Set(Fast):
+    """Its machine's clock was set."""
+
+    clock: tuple[int, ...] | None = None
+
+    def go_on(self, clock: tuple[int, ...]) -> None:
+        self.clock = clock
+
+    async def chunks(self) -> AsyncIterator[Chunk]:
+        async for chunk in super().chunks():
+            now_and_then = int(chunk.t[0]) % 3 == 0
+            yield chunk._replace(clock=(600 * 10**9, -5, 1) if now_and_then else None)
+
+
+def test_a_restart_goes_on_with_the_clock_that_was_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for source, clock in ((Set(11), (600 * 10**9, -5, 1)), (Fast(11), None)):
+        folder = tmp_path / type(source).__name__
+        folder.mkdir()
+        run(folder, source, "", lambda r: folded(r, 11), monkeypatch)
+        again = Set(0)
+
+        async def nothing(_: Runner) -> None:
+            pass
+
+        run(folder, again, "", nothing, monkeypatch)
+        assert again.clock == clock
+
+
+def test_prometheus_hears_of_conditions_and_alarms(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said: list[str] = []
+
+    async def suspects(one: Runner) -> None:
+        await folded(one, 300)
+        one.condition = Condition({"log": math.inf}, asked=True)
+        one.condition.came("log")
+        known = Service(site(tmp_path, "robot"))
+        known.runners = {"robot": one}
+        said.append(exposition(known).decode())
+        reason = {"number": 7, "kind": "suspected", "reason": "x is off", "row": 4000, "time": 4}
+        one.condition.heard(reason)
+        said.append(exposition(known).decode())
+
+    run(tmp_path, Fast(), "", suspects, monkeypatch)
+    for text, alarm in zip(said, (0, 1), strict=True):
+        assert f'evertwin_twin_alarm{{twin="robot"}} {alarm}.0' in text
+        every = re.findall(r'evertwin_twin_condition{condition="(.*)",twin="robot"} (.)', text)
+        assert len(every) == 5 and dict(every)["out_of_specification"] == str(alarm)
+        assert sum(int(on) for _, on in every) == 1
 
 
 def test_a_model_that_breaks_ends_its_twin_alone(

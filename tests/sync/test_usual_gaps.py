@@ -82,3 +82,20 @@ def test_a_gap_is_told_once_and_again_where_it_is_far_longer() -> None:
     _, out = align.step(align.init(), Chunk("log", stamps(steps), np.ones((400, 2))))
     assert [(e.kind, e.row) for e in out.records] == [("gap", 100), ("gap", 300)]
     assert out.records[0].reason.startswith("nothing came for 5 s, far longer than usual")
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("rate", [None, 2.0])
+def test_a_gap_that_the_twin_file_states_is_told_as_well(seed: int, rate: float | None) -> None:
+    steps = np.random.default_rng(seed).uniform(0.7, 1.3, 400)
+    steps[[100, 200, 300]] = 8.0, 1440.0, 2.0  # over the gap and far over it; below four times
+    for gap, told in ((4.5, [8, 1440]), (10.0, [1440]), (2000.0, []), (float("inf"), [])):
+        align = Align(V, X, (Feed("log", ("v", "x")),), gap=gap, rate=rate)
+        for pieces in (1, 7):
+            state, events = align.init(), []
+            for part in np.array_split(stamps(steps), pieces):
+                state, out = align.step(state, Chunk("log", part, np.ones((len(part), 2))))
+                events += out.records
+            events += align.flush(state)[1].records
+            found = [e.evidence["seconds"] for e in events if e.kind == "gap"]
+            assert np.round(found).tolist() == told

@@ -28,3 +28,6 @@ class Chunk(NamedTuple):
     """Values in SI units, (n, channels of the source)."""
     task: int = 0
     """Number of the task (one file, one work cycle) that the samples belong to."""
+    clock: tuple[int, ...] | None = None
+    """What a live source knows of the machine's clock: is given to its ``go_on``, if it has one,
+    after a restart."""

@@ -275,7 +275,8 @@ class Ledger:
             evidence["twin"] = self._name
         else:
             evidence["replaced"] = self.champion
-        return self._ordered(kind, f"version {number}: {reason}", evidence, person)
+        how = "rolled back to " if kind == "rolled_back" else ""
+        return self._ordered(kind, f"{how}version {number}: {reason}", evidence, person)
 
     def pin(self, number: int | None, reason: str, person: str = "") -> Event:
         """Pins a version, or lets go."""

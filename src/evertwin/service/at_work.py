@@ -38,6 +38,8 @@ from evertwin.types import Outputs
 
 MOST = 256
 """Rows that are told at once."""
+BACK = (0, 2 * 10**9, 60 * 10**9)
+"""Stretches [ns] behind the newest sample in which the clock of its source is looked for."""
 LOOK, OFTEN = 50, 1.0
 """Rows, or seconds with a row, after which what came of it is told anew."""
 WORKERS = 1
@@ -122,11 +124,19 @@ class AtWork:
         """What its machine looks like."""
         return scene_of(self.twin.model, self.spec.arbiter.tolerance)
 
-    def newest(self) -> dict[str, tuple[int, int]]:
-        """Task and newest stamp of each source that the store has samples of."""
+    def newest(self) -> dict[str, tuple[int, int, tuple[int, ...] | None]]:
+        """Task, newest stamp and clock of each source that the store has samples of."""
         every = self.spec.source + self.spec.array
         found = {one.name: self.twin.store.newest(one.name) for one in every}
-        return {name: at for name, at in found.items() if at is not None}
+        return {name: (*at, self._clock(name, at[1])) for name, at in found.items() if at}
+
+    def _clock(self, source: str, newest: int) -> tuple[int, ...] | None:
+        for back in BACK:
+            last = self.twin.store.samples(source, newest - back, newest)
+            clocks = [chunk.clock for chunk in last if chunk.clock is not None]
+            if clocks:
+                return clocks[-1]
+        return None
 
     def keep(self, chunks: Sequence[Chunk]) -> Sequence[Numbered]:
         """Samples as they came; durable when it returns. In any one thread.
@@ -297,7 +307,7 @@ class AtWork:
         store = self.twin.store
         if not isinstance(store, SqliteStore):
             return ()
-        newest = max((stamp for _, stamp in self.newest().values()), default=0)
+        newest = max((stamp for _, stamp, _ in self.newest().values()), default=0)
         names = {one.name: tuple(one.channels) for one in self.spec.source}
         every = names | {one.name: () for one in self.spec.array}
         before = newest - days * DAY

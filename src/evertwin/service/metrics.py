@@ -13,6 +13,7 @@ from prometheus_client.registry import Collector
 from evertwin.service.service import Service
 
 STATES = ("starting", "running", "ended", "quarantined", "stopped")
+CONDITIONS = ("good", "check", "maintenance_required", "out_of_specification", "failure")
 
 
 class Figures(Collector):
@@ -48,6 +49,14 @@ class Figures(Collector):
             for one in STATES:
                 state.add_metric([name, one], status["state"] == one)
         yield state
+        how = GaugeMetricFamily("evertwin_twin_condition", "1 for its condition (NE 107)",
+                                labels=["twin", "condition"])  # fmt: skip
+        alarm = GaugeMetricFamily("evertwin_twin_alarm", "Is an alarm out?", labels=["twin"])
+        for name, status in told.items():
+            for one in CONDITIONS:
+                how.add_metric([name, one], status["condition"] == one)
+            alarm.add_metric([name], status["alarm"] is not None)
+        yield from (how, alarm)
         gauges = {"rows": "Rows so far", "waiting": "Pieces of samples that wait",
                   "champion": "Version that is live", "stale": "Is what it shows stale?",
                   "age": "Seconds since its newest samples came"}  # fmt: skip

@@ -136,8 +136,10 @@ class Runner:
                 self.sources.append(source)
                 source.open()
                 if one.source in newest:
-                    task, stamp = newest[one.source]
+                    task, stamp, clock = newest[one.source]
                     source.resume(stamp, task)
+                    if clock is not None and hasattr(source, "go_on"):
+                        source.go_on(clock)
             self.publishers = tellers(self.plan, self.work, self.answer)
             self.state, self.worked = "running", 0.0  # what a start costs says nothing of later
             self._reading = [asyncio.create_task(self._read(source)) for source in self.sources]

@@ -78,7 +78,7 @@ def _state(seed: int) -> _State:
 
 def _chunk(first: int) -> Chunk:
     t = np.arange(first, first + 3)
-    return Chunk("pose", t, np.stack([t * 0.5, t * 0.1], axis=1))
+    return Chunk("pose", t, np.stack([t * 0.5, t * 0.1], axis=1), clock=(first, -7))
 
 
 def _shown(first: int) -> dict[str, np.ndarray]:

@@ -220,7 +220,8 @@ class SqlStore:
                 if proof(source, task, first, last, name_of(content)) != digest:
                     raise StoreDamaged(f"{self.path}: sample {number} does not match its hash")
                 arrays = unpack(content)
-                yield number, Chunk(source, arrays["t"], arrays["v"], task)
+                clock = tuple(arrays["clock"].tolist()) if "clock" in arrays else None
+                yield number, Chunk(source, arrays["t"], arrays["v"], task, clock)
             start = found[-1][0] + 1
 
     def restore(

@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple, TypeAlias
 
+import numpy as np
+
 from evertwin.fold import Chunk
 from evertwin.store.arrays import pack
 from evertwin.store.chain import Entry
@@ -85,6 +87,7 @@ class Tables:
 
 def _sample(chunk: Chunk) -> tuple[Any, ...]:
     """A chunk as a row of the table."""
-    content = pack({"t": chunk.t, "v": chunk.v})
+    clock = {} if chunk.clock is None else {"clock": np.array(chunk.clock, dtype=np.int64)}
+    content = pack({"t": chunk.t, "v": chunk.v, **clock})
     told = (chunk.source, chunk.task, int(chunk.t[0]), int(chunk.t[-1]))
     return (*told, content, proof(*told, name_of(content)))

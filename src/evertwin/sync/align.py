@@ -289,7 +289,7 @@ class Align:
         sound = np.isfinite(values).all() and not (np.abs(chunk.v) > LARGEST).any()
         if not (sound and t[0] > clock[loop.LAST] and (t[1:] > t[:-1]).all()):
             return None
-        if self.usual:
+        if self.usual or self.gap < float("inf"):
             pace = state.pace.copy()
             if not pace_loop.is_steady(pace, np.diff(t, prepend=clock[loop.LAST])):
                 return None

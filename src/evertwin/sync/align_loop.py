@@ -221,11 +221,11 @@ def emit(
     number[at], t[at], task[at] = clock[ROW], stamp, clock[TASK]
     dt[at] = 0.0 if clock[BEGUN] == 0 else (stamp - clock[LAST]) * 1e-9
     new[at] = first or stamp - clock[LAST] > gap
-    if usual and clock[BEGUN] == 1 and came <= stamp:
+    if (usual or gap < np.iinfo(np.int64).max) and clock[BEGUN] == 1 and came <= stamp:
         passed = came - pace[TAKEN]
         if is_unusual(pace, passed):
-            new[at] = True
-            if is_told(pace, passed, came):
+            new[at] |= usual
+            if new[at] and is_told(pace, passed, came):
                 tell(notes, clock, 0, HOLE, (came - passed, came, 0))
         learn(pace, passed)
     for k in range(nu):

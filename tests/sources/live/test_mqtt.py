@@ -126,6 +126,30 @@ def test_what_was_not_stored_comes_again(tmp_path: Path, version: int) -> None:
 
 
 @pytest.mark.system
+@pytest.mark.parametrize("inflight", [2, 5, 20])
+def test_a_clock_set_back_before_a_restart_stops_no_broker(tmp_path: Path, inflight: int) -> None:
+    with mosquitto(tmp_path, f"max_inflight_messages {inflight}") as broker:
+        first = robot(broker.port)
+
+        def publish() -> None:
+            while first.health.state == "connecting":
+                broker.publish([said(0)])
+
+        publishing = threading.Thread(target=publish)
+        publishing.start()
+        listen(first, bool)
+        publishing.join()
+        broker.publish([said(n) for n in range(1, 60)])
+        again = robot(broker.port)
+        again.resume(3600 * 10**9)  # what was stored is an hour ahead of all that comes
+        rest = listen(again, lambda given: 59 in numbers(given), 30.0)
+    assert numbers(rest)[-59:] == list(range(1, 60))
+    stamps = np.concatenate([chunk.t for chunk in rest])
+    assert stamps[0] > 3600 * 10**9 and (np.diff(stamps) > 0).all()
+    assert again.health.noted == {"the clock was set": 1} and not again.health.losses
+
+
+@pytest.mark.system
 def test_a_broker_that_is_stopped_and_comes_back_loses_nothing(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -15,6 +15,10 @@ def run(clock: Stamping[None], samples: list[tuple[int, int]]) -> list[int]:
     return [out for t, came in samples for out, _ in clock.take(t, came, None)]
 
 
+def heard(clock: Stamping[int], samples: list[tuple[int, int, int]]) -> list[tuple[int, int]]:
+    return [one for t, came, value in samples for one in clock.take(t, came, value, value)]
+
+
 @pytest.mark.parametrize("jump", [HOUR, -HOUR, 75 * 365 * 24 * HOUR])
 def test_a_clock_that_is_set_goes_on_where_it_was(jump: int) -> None:
     clock: Stamping[None] = Stamping()
@@ -89,3 +93,75 @@ def test_a_machine_in_time_lapse_may_pause() -> None:
     clock: Stamping[None] = Stamping()
     rows = [(20 * i * S, i * S) for i in range(10)] + [(20 * i * S, i * S) for i in range(30, 40)]
     assert run(clock, rows) == [t for t, _ in rows] and clock.set == 0
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("back", [60, 3600])
+@pytest.mark.parametrize("speed", [1, 20])
+def test_a_clock_set_back_onto_stamps_that_came_loses_nothing(
+    seed: int, back: int, speed: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    values = np.cumsum(rng.integers(0, 2, 5000))  # now and then the same again
+    rows = [(i * S - (back * S if i >= 4000 else 0), i * S // speed, int(values[i]))
+            for i in range(4200)]  # fmt: skip
+    clock: Stamping[int] = Stamping()
+    out = heard(clock, rows)
+    assert [value for _, value in out] == values[:4200].tolist()
+    assert (np.diff([t for t, _ in out]) == S).all()
+    assert (clock.set, clock.repeated, clock.rejected) == (1, 0, 0)
+
+
+def test_values_that_come_late_for_stamps_that_came_are_no_clock_that_was_set() -> None:
+    clock: Stamping[int] = Stamping()
+    rows = [(i * S // 10, i * S // 10, i) for i in range(100)]
+    late = [(t, 10 * S, value + 1) for t, _, value in rows[-12:-1]]
+    more = [(10 * S + i * S // 10, 10 * S + i * S // 10, i) for i in range(20)]
+    assert len(heard(clock, [*rows, *late, *more])) == 120
+    assert (clock.set, clock.repeated, clock.rejected) == (0, 11, 0)
+
+
+@pytest.mark.parametrize("jump", [0, -600, HOUR // S, -HOUR // S])
+@pytest.mark.parametrize("speed", [1, 4])
+@pytest.mark.parametrize("down", ["set before", "set meanwhile"])
+def test_a_restart_goes_on_with_a_clock_that_was_set(jump: int, speed: int, down: str) -> None:
+    """Stamps go on where they were; what nobody heard meanwhile takes its time."""
+    start = 1_800_000_000 * S
+    since = 400 if down == "set before" else 800
+
+    def rows(first: int, last: int) -> list[tuple[int, int]]:
+        return [(start + i * S // 10 + (jump * S if i >= since else 0),
+                 start + i * S // 10 // speed) for i in range(first, last)]  # fmt: skip
+
+    clock: Stamping[None] = Stamping()
+    kept, out = [], []
+    for row in rows(0, 800):
+        out += run(clock, [row])
+        kept += [one for one in [clock.lasting()] if one is not None]
+    again: Stamping[None] = Stamping()
+    # in time-lapse, an hour on may be a pause
+    told = jump != 0 and (speed == 1 or jump < 0)
+    again.resume(out[-1])
+    assert again.go_on(kept[-1]) == (told and since == 400)
+    sent_again, fresh = rows(780, 800), rows(1150, 1300)  # 35 s of the machine
+    burst = [(t, fresh[0][1] - S // 10 + i) for i, (t, _) in enumerate(sent_again)]
+    more = run(again, [*burst, *fresh])
+    assert len(more) == 150 and again.rejected == 0
+    assert (np.diff(more) == S // 10).all()
+    assert again.set == (told and since == 800)
+    passed = more[0] - out[-1]
+    if again.set and speed > 1:
+        assert passed > 5 * S  # nobody knows how long it was on its clock
+    elif told or jump == 0 or since == 400:
+        assert abs(passed - 35 * S) <= S
+    else:
+        assert passed > HOUR
+
+
+@pytest.mark.parametrize(("lead", "later"), [(0, -4000), (600, 0)])
+def test_a_clock_here_that_was_set_back_is_not_the_machine_s(lead: int, later: int) -> None:
+    clock: Stamping[None] = Stamping()
+    clock.resume(5000 * S)
+    clock.go_on((0, lead * S, 0))
+    out = run(clock, [(t * S, (t + later) * S) for t in range(6001, 6011)])
+    assert out == [t * S for t in range(6001, 6011)] and clock.set == 0

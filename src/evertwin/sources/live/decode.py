@@ -115,6 +115,11 @@ class Decoder:
         self.clock.resume(stamp)
         self.task = task
 
+    def go_on(self, clock: tuple[int, ...]) -> None:
+        """With the clock that was kept."""
+        if self.clock.go_on(clock):
+            self.told.note("the clock was set before this start")
+
     def chunks(self, columns: Columns, arrival: int | None = None) -> list[Chunk]:
         """What goes out on one more sample: mostly one chunk of one row, none where it is kept out.
 
@@ -133,7 +138,7 @@ class Decoder:
         if self.spec.task is not None:
             code = self._number(self.spec.task, columns.get(str(self.spec.task)))
         before = self.clock.repeated, self.clock.rejected, self.clock.set
-        out = self.clock.take(stamp, came, _Sample(raw, code))
+        out = self.clock.take(stamp, came, _Sample(raw, code), hash(raw.tobytes()))
         if before != (self.clock.repeated, self.clock.rejected, self.clock.set):
             self._tell(before)
         return [self._chunk(stamp, sample) for stamp, sample in out]
@@ -208,7 +213,8 @@ class Decoder:
         si = self._si(sample.raw)
         self._open_task(stamp, sample.code)
         self.told.give(stamp)
-        return Chunk(self.spec.name, np.array([stamp], dtype=np.int64), si[None], self.task)
+        t = np.array([stamp], dtype=np.int64)
+        return Chunk(self.spec.name, t, si[None], self.task, self.clock.lasting())
 
     def _open_task(self, stamp: int, code: float) -> None:
         began = stamp if self._opened is None else self._opened

@@ -73,6 +73,10 @@ class Line(ABC):
         """See `LiveSource`."""
         self.decoder.resume(stamp, task)
 
+    def go_on(self, clock: tuple[int, ...]) -> None:
+        """With the clock that was kept (`Chunk.clock`); after `resume`."""
+        self.decoder.go_on(clock)
+
     def committed(self, chunk: Chunk) -> None:  # noqa: B027  most machines keep nothing
         """See `LiveSource`."""
 

@@ -20,6 +20,7 @@ import os
 import time
 from collections import defaultdict
 from collections.abc import AsyncIterator
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from evertwin.errors import UsageError, reason_of
@@ -32,6 +33,7 @@ from evertwin.sources.live.mqtt_line import LISTEN, Connection, Heard, heard
 from evertwin.sources.live.mqtt_parts import Count, NoMessage, place
 from evertwin.sources.live.mqtt_spec import MqttSettings, Part
 from evertwin.sources.live.secrets import password
+from evertwin.sources.live.stamping import AGAIN
 from evertwin.sources.spec import ArraySpec, SourceSpec
 from evertwin.trust import Tls
 
@@ -145,6 +147,13 @@ class Mqtt(Line):
             finally:
                 waiting.cancel()
             return waiting.result()
+        while self._waiting:
+            with suppress(TimeoutError):
+                async with asyncio.timeout(AGAIN * 1e-9):
+                    return await line.next()
+            # it may send no more before these are acknowledged, which wait for what comes
+            self._acknowledge(self._waiting)
+            self._waiting = []
         return await line.next()
 
     async def _say_silent(self) -> None:
@@ -181,10 +190,10 @@ class Mqtt(Line):
             for chunk in chunks:
                 self._given.setdefault(int(chunk.t[0]), [])
             self._given[int(chunks[-1].t[0])] += self._waiting
-        elif clock.judged in self._given:
-            self._given[clock.judged] += self._waiting  # given, and not stored yet
         elif clock.holds:
             return chunks
+        elif clock.judged in self._given:
+            self._given[clock.judged] += self._waiting  # given, and not stored yet
         else:
             self._acknowledge(self._waiting)
         self._waiting = []

@@ -1,11 +1,12 @@
 """The clock of a live source: nothing twice, and no stamp can stop a twin.
 
-A stamp that came before is repeated. One far ahead of what the time of arrival allows, or far
-behind the newest, is held: if the samples after it return to the old clock it was one bad stamp; if
-`CONFIRM` samples go on from it the machine's clock was set, and from there on stamps are moved to
-go on where the old clock was, because intervals stay true when a clock does not. A stamp a little
-behind is late: it goes out, for the twin has slack for it, or leaves it out and says so. Samples
-that were kept somewhere and come at once are old, never ahead.
+A stamp that came before, with the same values, is repeated. One far ahead of what the time of
+arrival allows, or far behind the newest, or with other values than came with it, is held: if the
+samples after it return to the old clock it was one bad stamp; if `CONFIRM` samples go on from it
+the machine's clock was set, and from there on stamps are moved to go on where the old clock was,
+because intervals stay true when a clock does not. A stamp a little behind is late: it goes out, for
+the twin has slack for it, or leaves it out and says so. Samples that were kept somewhere and come
+at once are old, never ahead.
 
 >>> clock, s = Stamping(), 10**9
 >>> arrivals = {1: 101, 2: 102, 4000: 103, 3: 104}
@@ -18,8 +19,7 @@ that were kept somewhere and come at once are old, never ahead.
 from __future__ import annotations
 
 import time
-from collections import deque
-from typing import Generic, TypeVar
+from typing import Generic, NamedTuple, TypeVar
 
 T = TypeVar("T")
 FAR = 10 * 10**9
@@ -50,6 +50,17 @@ def arrival() -> int:
     return _ANCHOR + time.clock_gettime_ns(time.CLOCK_BOOTTIME)
 
 
+class Told(NamedTuple, Generic[T]):
+    """A sample, and its values as a hash.
+
+    >>> Told("a", 5).said
+    5
+    """
+
+    sample: T
+    said: int
+
+
 class Stamping(Generic[T]):
     """The state along one source; `take` every sample. See the module for an example."""
 
@@ -72,9 +83,13 @@ class Stamping(Generic[T]):
         """What lies between two stamps, mostly [ns]."""
         self._first: tuple[int, int] | None = None
         """First stamp, and its arrival."""
-        self._held: list[tuple[int, int, T]] = []
-        self._order: deque[int] = deque()
-        self._known: set[int] = set()
+        self._came = self._noted = 0
+        """Arrival of the newest sample, and of the newest one with which the clock was kept."""
+        self._fast = False
+        """Did stamps go faster than the clock here before this start?"""
+        self._held: list[tuple[int, int, Told[T]]] = []
+        self._known: dict[int, int] = {}
+        """Stamp → what its values were."""
 
     @property
     def holds(self) -> bool:
@@ -85,52 +100,90 @@ class Stamping(Generic[T]):
         """Go on after the newest stamp that is stored."""
         self.newest = self._resumed = stamp
 
-    def take(self, stamp: int, came: int, sample: T) -> list[tuple[int, T]]:
+    def go_on(self, clock: tuple[int, ...]) -> bool:
+        """With the clock that was kept (`lasting`): is it one that was set?"""
+        self._shift, self._lead, fast = clock
+        self._fast = bool(fast)
+        return self._shift != 0
+
+    def lasting(self) -> tuple[int, ...] | None:
+        """What a process after this one needs to go on with this clock; once in a while, unless
+        it was set."""
+        rare = not self._shift and self._came < self._noted + AGAIN
+        if not self.arrives or self._lead is None or rare:
+            return None
+        self._noted = self._came
+        return self._shift, self._lead, int(self._hurried(self._came))
+
+    def take(self, stamp: int, came: int, sample: T, said: int = 0) -> list[tuple[int, T]]:
         """The samples that go out now, each with its stamp [ns].
 
         Args:
             stamp: of the sample [ns].
             came: its `arrival` [ns].
             sample: what is kept with it.
+            said: its values, as a hash.
         """
         moved = self.judged = stamp + self._shift
+        if self._first is None:
+            self._trusts(came)
         stored = not self.arrives and self._resumed is not None and moved <= self._resumed
         again = bool(self._held) and stamp == self._held[-1][0]
-        if stored or again or moved in self._known:
+        if stored or again or self._repeats(moved, said):
             self.repeated += 1
             return []
         if self._follows(moved, came):
             self._drop()
-            return self._out(moved, came, sample)
+            return self._out(moved, came, Told(sample, said))
         if self._held and not self._joins(stamp):
             self._drop()
-        self._held.append((stamp, came, sample))
-        if len(self._held) <= CONFIRM or self._may_be_stored(came):
+        self._held.append((stamp, came, Told(sample, said)))
+        if len(self._held) <= CONFIRM or self._may_have_come(came):
             return []
         return self._believed()
 
-    def _may_be_stored(self, came: int) -> bool:
-        """Are those that are held what was stored, not acknowledged, and sent again at a start?"""
-        resumed, (oldest, began, _) = self._resumed, self._held[0]
-        fresh = resumed is not None and self._first is None and came - began < AGAIN
-        return fresh and resumed is not None and oldest <= resumed
+    def _trusts(self, came: int) -> None:
+        """The delay that was kept says nothing where the clock here was set back meanwhile."""
+        if self._lead is not None and self.newest is not None and came - self._lead <= self.newest:
+            self._lead = None
+
+    def _repeats(self, stamp: int, said: int) -> bool:
+        """Has it come? Not for sure if it goes on from what is held, or says other than what came
+        with its stamp, unless that is the newest: some clocks are coarse."""
+        if stamp not in self._known or not self.arrives:
+            return stamp in self._known
+        on = bool(self._held) and self._joins(stamp - self._shift)
+        return not on and (stamp == self.newest or said == self._known[stamp])
+
+    def _may_have_come(self, came: int) -> bool:
+        """Are those that are held what came before: sent again at a start, or late in parts?"""
+        oldest, began, _ = self._held[0]
+        stamp, resumed = oldest + self._shift, self._resumed
+        fresh = resumed is not None and self._first is None and stamp <= resumed
+        return came - began < AGAIN and (fresh or stamp in self._known)
 
     def _drop(self) -> None:
-        again = bool(self._held) and self._may_be_stored(self._held[-1][1])
-        self.repeated += len(self._held) if again else 0
-        self.rejected += 0 if again else len(self._held)
+        again = bool(self._held) and self._may_have_come(self._held[-1][1])
+        known = sum(again or stamp + self._shift in self._known for stamp, _, _ in self._held)
+        self.repeated += known
+        self.rejected += len(self._held) - known
         self._held = []
 
     def _follows(self, stamp: int, came: int) -> bool:
         """Is it on the clock that holds so far?"""
+        if stamp in self._known:
+            return False
         if self.newest is None:
             return not self.arrives or stamp <= came + _DAY
         if stamp < self.newest - FAR:
             return False
         if not self.arrives or self._hurried(came):
             return stamp <= self.newest + max(FAR, min(int(STEPS * self._step), _MONTH))
-        # the first one after a start: the machine may have stood for any time
-        ahead = came - stamp < self._lead - FAR if self._lead is not None else stamp > came + _DAY
+        lead = self._lead
+        if self._first is None and lead is not None:
+            lead = min(lead, 0)  # as it was kept: by a clock here that may have been fast
+        # without any, the first one after a start: the machine may have stood for any time
+        ahead = came - stamp < lead - FAR if lead is not None else stamp > came + _DAY
         return not ahead or stamp <= self.newest + FAR
 
     def _joins(self, stamp: int) -> bool:
@@ -142,11 +195,11 @@ class Stamping(Generic[T]):
     def _hurried(self, came: int) -> bool:
         """Do stamps go faster than the clock here: a machine in time-lapse, or what was kept?"""
         if self._first is None or self.newest is None:
-            return False
+            return self._fast
         stamp, began = self._first
         return self.newest - stamp > HURRIED * (came - began) + FAR // 10
 
-    def _out(self, stamp: int, came: int, sample: T) -> list[tuple[int, T]]:
+    def _out(self, stamp: int, came: int, sample: Told[T]) -> list[tuple[int, T]]:
         late = came - stamp
         self._lead = late if self._lead is None else min(self._lead, late)
         if self._resumed is not None and stamp <= self._resumed:
@@ -158,11 +211,11 @@ class Stamping(Generic[T]):
             self._step = self._step or float(step)
         self.newest = stamp if self.newest is None else max(self.newest, stamp)
         self._first = (stamp, came) if self._first is None else self._first
-        self._known.add(stamp)
-        self._order.append(stamp)
-        if len(self._order) > KNOWN:
-            self._known.discard(self._order.popleft())
-        return [(stamp, sample)]
+        self._came = came
+        self._known[stamp] = sample.said
+        if len(self._known) > KNOWN:
+            del self._known[next(iter(self._known))]
+        return [(stamp, sample.sample)]
 
     def _believed(self) -> list[tuple[int, T]]:
         """What was held goes out: after a pause, or moved where the clock was set."""
@@ -174,7 +227,8 @@ class Stamping(Generic[T]):
         told = self.arrives and not hurried
         if self.newest is not None and (told or not 0 < step <= _MONTH):
             passed = 0 if self._lead is None else came - self._lead - self.newest
-            self._shift = self.newest + max(passed, GAP if self._lead is None else 1) - stamp
+            least = GAP if self._lead is None else int(self._step) if hurried else 1
+            self._shift = self.newest + max(passed, least, 1) - stamp
             self.set += 1
         self._lead = None
         return [one for t, at, sample in held for one in self._out(t + self._shift, at, sample)]
