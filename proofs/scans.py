@@ -29,8 +29,9 @@ import numpy as np
 
 from evertwin.features import habits, scan_fit, scan_matcher
 from evertwin.features.local_map import Known, placed
-from evertwin.features.mapping import followed, mapped, surface_of
+from evertwin.features.mapping import followed, mapped
 from evertwin.features.registration import REACH, beside
+from evertwin.features.segments import surface_of
 from evertwin.features.trajectory_error import TrajectoryError, trajectory_error
 from evertwin.signals.planar import between, chained
 from evertwin.sources import open_recording

@@ -8,6 +8,7 @@ import pytest
 from evertwin.features.fusion import Belief, Sighting, Step, measured, predicted
 from evertwin.features.mapping import mapped
 from evertwin.features.poses import Fix
+from evertwin.features.scan_fit import Expected
 from evertwin.features.surface import noise, surface
 from planted.corridors import ANGLES, WAY, corridor, driven, scanned
 
@@ -104,3 +105,14 @@ def test_a_robot_that_drives_off_is_not_sure_to_stand(seed: int) -> None:
     told = (found.poses.fix != Fix.LOST) & (found.poses.segment == 0)
     way = found.poses.pose[told, 0] - (x[told] - x[0])
     assert told.sum() > 30 and np.abs(way).max() < 0.8
+
+
+def test_a_scan_says_which_of_the_places_it_was_expected_in_it_is_not() -> None:
+    """A metre on, as usual, or still at rest: all of them made the pose too unsure to be told."""
+    places = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    near = np.diag([0.1, 0.1, 0.1]) ** 2
+    expected = Expected(places[0], near, places=places, weights=np.array([0.6, 0.4]))
+    alike, told = np.zeros(2), np.array([0.0, -20.0])
+    assert expected.others(places[0], list(places), alike)[0, 0] == pytest.approx(0.4)
+    assert expected.others(places[0], list(places), told)[0, 0] < 1e-6
+    assert expected.others(places[1], list(places), told)[0, 0] == pytest.approx(1.0)

@@ -13,13 +13,14 @@ import pytest
 from evertwin.app import mapping as app_mapping
 from evertwin.app.cli import main
 from evertwin.errors import DataError
-from evertwin.features import mapping, pose_graph
-from evertwin.features.mapping import Mapped, followed, mapped, surface_of
+from evertwin.features import pose_graph
+from evertwin.features.mapping import Mapped, followed, mapped
 from evertwin.features.occupancy import FREE, OCCUPIED, UNKNOWN, counted, of_keyframes, read, save
 from evertwin.features.open_ways import evened
 from evertwin.features.pose_graph import Edge, optimised
 from evertwin.features.poses import Fix, Poses
-from evertwin.features.relocalisation import Located, View, located
+from evertwin.features.relocalisation import View, located
+from evertwin.features.segments import surface_of
 from evertwin.features.trajectory_error import trajectory_error
 from evertwin.signals.planar import between
 from evertwin.sources.scans import Scans
@@ -315,24 +316,3 @@ def test_a_log_that_does_not_say_its_angles_is_read_by_those_that_are_given(
     given = app_mapping.only_lidar(log, app_mapping.Topics(step=60.0))
     assert given.lidar.angles(5) == pytest.approx(np.radians([-120, -60, 0, 60, 120]))
     assert not any("angles" in line for line in given.findings)
-
-
-def test_a_segment_joins_where_two_parts_of_it_place_it_alike(
-    drive: tuple[Scans, np.ndarray, Mapped], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Among pillars that repeat one part fits somewhere: poses leapt by 16 m."""
-    scans, _, _ = drive
-    poses = followed(scans).poses
-    keys = np.flatnonzero(poses.keyframe & (poses.fix != Fix.LOST))
-    known = mapping.solved(scans, poses)
-    place = mapping._place(scans, poses, keys, known)
-    assert place is not None and np.hypot(*place[:2]) < 0.1
-    shift = iter(5.0 * np.arange(100))
-
-    def elsewhere(views: list[View], chart: object) -> Located:
-        found = np.array([next(shift), 0.0, 0.0])
-        return Located(found, np.eye(3) * 1e-4, 1.0)
-
-    monkeypatch.setattr(mapping, "located", elsewhere)
-    monkeypatch.setattr(mapping, "through", lambda *_: 0.0)
-    assert mapping._place(scans, poses, keys, known) is None

@@ -10,10 +10,11 @@ import pytest
 
 from evertwin.features.correlation import Drawing, blocks, search
 from evertwin.features.local_map import Known
-from evertwin.features.mapping import followed, surface_of
+from evertwin.features.mapping import followed
 from evertwin.features.poses import Fix, Poses
 from evertwin.features.registration import binned, explained, register
 from evertwin.features.scan_matcher import STANDING, ScanMatcher
+from evertwin.features.segments import surface_of
 from evertwin.features.surface import surface
 from evertwin.features.trajectory_error import trajectory_error
 from evertwin.fold import check_online, equal, make_block, take

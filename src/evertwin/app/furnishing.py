@@ -13,10 +13,11 @@ from evertwin.app.mapping import Topics, only_lidar
 from evertwin.errors import DataError, UsageError
 from evertwin.features.cost_map import Inflation, freed, inflated
 from evertwin.features.legs import View
-from evertwin.features.mapping import mapped, surface_of
+from evertwin.features.mapping import mapped
 from evertwin.features.occupancy import of_keyframes, save
 from evertwin.features.poses import Fix
 from evertwin.features.rectangles import corners
+from evertwin.features.segments import surface_of
 from evertwin.features.table_bodies import Plate, bodies
 from evertwin.features.tables import Happened, Room, Table, furnished
 from evertwin.report.table_picture import draw_tables

@@ -11,10 +11,11 @@ import numpy as np
 
 from evertwin.app.console import Alive, show
 from evertwin.errors import DataError, UsageError
-from evertwin.features.mapping import Fused, Mapped, mapped, surface_of
+from evertwin.features.mapping import Fused, Mapped, mapped
 from evertwin.features.occupancy import of_keyframes, read, save
 from evertwin.features.poses import Fix, Poses
 from evertwin.features.relocalisation import View, located
+from evertwin.features.segments import surface_of
 from evertwin.features.slips import Slip, slips
 from evertwin.features.trajectory_error import TrajectoryError, trajectory_error
 from evertwin.report.map_picture import draw_map
@@ -153,7 +154,7 @@ def _content(scans: Scans, found: Mapped, off: TrajectoryError | None) -> dict[s
         "odometry": scans.odometry is not None,
         "gyro": scans.gyro is not None,
         "slips": [one._asdict() for one in _slips(scans, poses)],
-        "segments": int(poses.segment[-1]) + 1,
+        "segments": int(poses.segment.max()) + 1,
         "way": float(np.nansum(np.hypot(way[:, 0], way[:, 1]))),
         "keyframes": len(found.keyframes),
         "loops": found.loops,

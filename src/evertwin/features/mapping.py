@@ -16,16 +16,13 @@ import numpy as np
 
 from evertwin.errors import DataError
 from evertwin.features.fusion import Belief, Sighting
-from evertwin.features.local_map import Surface, seen
+from evertwin.features.local_map import Surface
 from evertwin.features.look_ahead import read_on
-from evertwin.features.loop_closure import loops
-from evertwin.features.occupancy import of_keyframes
-from evertwin.features.open_ways import evened, steps_between
-from evertwin.features.pose_graph import Edge, Optimised, optimised, variance_factor, weak
+from evertwin.features.open_ways import evened
 from evertwin.features.poses import Fix, Poses
-from evertwin.features.relocalisation import PASSED, View, located, through
 from evertwin.features.scan_fit import COMMON
-from evertwin.features.scan_matcher import FAMILIAR, ScanMatcher, table
+from evertwin.features.scan_matcher import ScanMatcher, table
+from evertwin.features.segments import Solved, joined
 from evertwin.features.stream import Stream, Turned
 from evertwin.features.troubles import (
     ASKEW,
@@ -41,18 +38,6 @@ from evertwin.signals.planar import between, compose
 from evertwin.sources.scans import Lidar, Scans
 from evertwin.types import Float64, Int64, Stamps, Vector
 
-ROUNDS = 2
-"""Of looking for loops."""
-MOST = 20
-"""Segments that are looked for in the map of the first one."""
-TOGETHER = 10
-"""Keyframes that are looked for as one."""
-TRIES, CHECKED = 8, 40
-"""So many of them are tried, and so many keyframes must not contradict the place."""
-AGREE = np.array([0.5, 0.5, 0.1])
-"""How far two of them may place the segment apart (m, m, rad)."""
-ROUGH = np.diag([0.1, 0.1, 0.05]) ** 2
-"""Error of a place that was found in a map (m², m², rad²)."""
 OFTEN = 0.9
 """Share of the scans that are placed, below which odometry may be in their way."""
 
@@ -213,13 +198,15 @@ def mapped(scans: Scans, use_odometry: bool = True) -> Mapped:
             f"{scans.name}: no scan tells a pose: does the lidar see anything? Ranges are taken "
             "in metres: in millimetres all of them would be too far"
         )
-    poses, anchors = found_again(scans, poses)
-    one = solved(scans, poses, anchors)
-    if one.graph.failed:
+    poses, maps = joined(scans, poses)
+    if any(one.graph.failed for one in maps):
         said.append("no map fits all that was seen: poses are as they were followed, loops open")
+    for number, one in enumerate(maps):
+        poses = _all(poses, number, one)
+    first = maps[0]
     return Mapped(
-        _all(poses, one.keys, one.graph), one.graph.poses, one.surfaces, one.loops, took, fused,
-        scans.lidar, (*scans.findings, *troubles(scans), *said),
+        poses, first.graph.poses, first.surfaces, first.loops, took, fused, scans.lidar,
+        (*scans.findings, *troubles(scans), *said),
     )  # fmt: skip
 
 
@@ -251,41 +238,6 @@ def _upright(scans: Scans, use_odometry: bool) -> tuple[Scans, Followed, list[st
     return turned, followed(turned, use_odometry, look_ahead=True), said
 
 
-class Solved(NamedTuple):
-    """The keyframes of one map.
-
-    >>> Solved._fields
-    ('keys', 'surfaces', 'graph', 'loops')
-    """
-
-    keys: Int64[np.ndarray, " k"]
-    """Numbers of their scans."""
-    surfaces: tuple[Surface, ...]
-    graph: Optimised
-    loops: int
-
-
-def solved(scans: Scans, poses: Poses, anchors: Sequence[Edge] = ()) -> Solved:
-    """The keyframes of segment 0, their loops closed; ``anchors``: between numbers of scans."""
-    keys = np.flatnonzero(poses.keyframe & (poses.fix != Fix.LOST) & (poses.segment == 0))
-    surfaces = tuple(surface_of(scans, int(k)) for k in keys)
-    number = {int(k): n for n, k in enumerate(keys)}
-    tied = [a._replace(start=number[a.start], end=number[a.end]) for a in anchors]
-    begun = {edge.end for edge in tied}
-    steps = [edge for edge in steps_between(poses, keys) if edge.end not in begun] + tied
-    graph = Optimised(poses.pose[keys], poses.covariance[keys])
-    found: list[Edge] = []
-    for _ in range(ROUNDS):
-        found = loops(surfaces, graph.poses)
-        graph = optimised(graph.poses, [*steps, *found])
-    factor = variance_factor(poses.pose[keys], steps, found)
-    steps = [
-        edge if weak(edge) else edge._replace(covariance=factor * edge.covariance) for edge in steps
-    ]
-    graph = optimised(graph.poses, [*steps, *found])
-    return Solved(keys, surfaces, graph, len(found))
-
-
 def _by_scans(scans: Scans, found: Followed) -> Float64[np.ndarray, "n 3"]:
     """Poses by the scans, without odometry where that gets in their way."""
     share = float(np.mean(found.poses.fix == Fix.MATCHED))
@@ -296,69 +248,11 @@ def _by_scans(scans: Scans, found: Followed) -> Float64[np.ndarray, "n 3"]:
     return found.poses.sighted
 
 
-def found_again(scans: Scans, poses: Poses) -> tuple[Poses, list[Edge]]:
-    """Later segments whose place the map so far tells join it; and what ties them to it.
-
-    Looked for is what some keyframes of a segment saw, together: a single scan of a room may fit in
-    several places. Where its first ones are not found, later ones may be. What the whole segment
-    saw must not contradict the place. One that begins behind a bare corridor of unknown length is
-    left: its corners are like those before it, and the map holds those alone.
-    """
-    anchors: list[Edge] = []
-    number = int(poses.segment[-1])
-    for k in range(1, min(number, MOST) + 1):
-        mine = poses.segment == k
-        keys = np.flatnonzero(poses.keyframe & (poses.fix != Fix.LOST) & mine)
-        begin = int(np.argmax(mine))
-        gone = np.arange(begin) > np.flatnonzero(poses.fix[:begin] != Fix.LOST)[-1:].sum()
-        if not len(keys) or poses.share[:begin][gone].max(initial=0.0) >= FAMILIAR:
-            continue
-        first = solved(scans, poses, anchors)
-        place = _place(scans, poses, keys, first)
-        if place is None:
-            continue
-        near = int(np.argmin(np.hypot(*(first.graph.poses[:, :2] - place[:2]).T)))
-        tie = between(first.graph.poses[near], place)
-        anchors.append(Edge(int(first.keys[near]), int(keys[0]), tie, ROUGH))
-        start = compose(poses.pose[first.keys[near]], tie)
-        onward = between(np.broadcast_to(poses.pose[keys[0]], (mine.sum(), 3)), poses.pose[mine])
-        pose, segment = poses.pose.copy(), np.where(mine, 0, poses.segment)
-        pose[mine] = compose(np.broadcast_to(start, onward.shape), onward)
-        poses = poses._replace(pose=pose, segment=segment)
-    return poses, anchors
-
-
-def _place(
-    scans: Scans, poses: Poses, keys: Int64[np.ndarray, " k"], known: Solved
-) -> Float64[np.ndarray, " 3"] | None:
-    """Where the first of ``keys`` stands in a map; None where that cannot be told."""
-    chart = of_keyframes(known.graph.poses, known.surfaces, scans.lidar.mount)
-    steps = between(np.broadcast_to(poses.pose[keys[0]], (len(keys), 3)), poses.pose[keys])
-    views = [View(surface_of(scans, int(k)), step) for k, step in zip(keys, steps, strict=True)]
-    groups, places = range(0, len(keys), TOGETHER), list[np.ndarray]()
-    for begin in groups[:: -(-len(groups) // TRIES)]:
-        some, origin = views[begin : begin + TOGETHER], views[begin].pose
-        home = between(origin, np.zeros(3))
-        found = located([View(v.surface, between(origin, v.pose)) for v in some], chart).pose
-        if found is None:
-            continue
-        place = compose(found, home)
-        if through(views[:: max(len(views) // CHECKED, 1)], place, chart) > PASSED:
-            continue
-        alike = (np.abs(between(place, one)) < AGREE for one in places)
-        if len(groups) == 1 or any(same.all() for same in alike):
-            return place
-        places.append(place)
-    return None
-
-
-def surface_of(scans: Scans, k: int) -> Surface:
-    """The surface points of one scan, in the machine's frame."""
-    return seen(scans.ranges[k], scans.lidar.angles(scans.ranges.shape[1]), scans.lidar.mount)
-
-
-def _all(poses: Poses, keys: np.ndarray, graph: Optimised) -> Poses:
-    """Every scan beside the keyframe before it; or the next, where it was lost in between."""
+def _all(poses: Poses, number: int, one: Solved) -> Poses:
+    """Every scan of a map beside the keyframe before it; or the next, where it was lost between."""
+    keys, graph = one.keys, one.graph
+    if not len(keys):
+        return poses
     scans, lost = np.arange(len(poses.t)), np.cumsum(poses.fix == Fix.LOST)
     at = np.maximum(np.searchsorted(keys, scans, side="right") - 1, 0)
     after = np.minimum(at + 1, len(keys) - 1)
@@ -369,7 +263,7 @@ def _all(poses: Poses, keys: np.ndarray, graph: Optimised) -> Poses:
     # what the graph tells of a keyframe is whole: its own scan's error is in the step to it
     beside = (keys[at] != scans)[:, None, None]
     covariance = graph.covariances[at] + beside * poses.covariance
-    mine = (poses.segment == 0)[:, None]
+    mine = (poses.segment == number)[:, None]
     return poses._replace(
         pose=np.where(mine, pose, poses.pose),
         covariance=np.where(mine[..., None], covariance, poses.covariance),

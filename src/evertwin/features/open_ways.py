@@ -12,8 +12,8 @@ from evertwin.features.poses import Fix, Poses
 from evertwin.signals.planar import between, compose
 from evertwin.types import Float64
 
-SURE = 0.2
-"""Spread below which a place is sure [m]."""
+SURE, OPEN = 0.2, 0.5
+"""Spread below which a place is sure, and above which it is none [m]."""
 
 
 def steps_between(poses: Poses, keys: Sequence[int] | np.ndarray) -> list[Edge]:
@@ -39,16 +39,20 @@ def evened(poses: Poses, wheels: Float64[np.ndarray, "n 3"] | None) -> Poses:
     Its innovation along the open direction goes back over them, to each as much as its variance
     then was of that before the innovation: the smoother of a random walk (Rauch, Tung and Striebel,
     AIAA Journal 3(8), 1965). What was expected there is told by the ``wheels``, or the last step
-    again.
+    again. Places that were too unsure to be told are told where less than `OPEN` is left.
     """
-    pose, place = poses.pose.copy(), poses.covariance[:, :2, :2]
-    told = np.flatnonzero(poses.fix == Fix.MATCHED)
-    firm = told[np.trace(place[told], axis1=1, axis2=2) < SURE * SURE]
+    unsure = (poses.fix == Fix.LOST) & np.isfinite(poses.sighted[:, 0])
+    pose = np.where(unsure[:, None], poses.sighted, poses.pose)
+    spread, fix = poses.covariance.copy(), poses.fix.copy()
+    spread[unsure] = np.linalg.inv(poses.information[unsure])
+    place = spread[:, :2, :2].copy()
+    known = np.flatnonzero(unsure | (fix == Fix.MATCHED))
+    firm = known[np.trace(place[known], axis1=1, axis2=2) < SURE * SURE]
     for a, b in pairwise(firm):
-        open_ = told[(told > a) & (told < b)]
-        if len(open_) < 2 or poses.segment[a] != poses.segment[b]:
+        open_ = known[(known > a) & (known < b)]
+        if not len(open_) or poses.segment[a] != poses.segment[b]:
             continue
-        before, last = open_[-2:]
+        before, last = (a, *open_)[-2:]
         if wheels is not None and np.isfinite(wheels[[last, b]]).all():
             usual = compose(pose[last], between(wheels[last], wheels[b]))[:2]
         else:
@@ -56,8 +60,13 @@ def evened(poses: Poses, wheels: Float64[np.ndarray, "n 3"] | None) -> Poses:
                 b - last
             )
         along = np.linalg.eigh(place[last])[1][:, 1]
-        variance = np.einsum("i,nij,j->n", along, place[open_], along)
+        variance = np.einsum("i,nij,j->n", along, place[[a, *open_]], along)
         ahead = variance[-1] + max(variance[-1] - variance[-2], 0.0)
-        back = np.minimum(variance / ahead, 1.0) * float(along @ (pose[b, :2] - usual))
-        pose[open_, :2] += back[:, None] * along
-    return poses._replace(pose=pose)
+        back = np.minimum(variance[1:] / ahead, 1.0)
+        pose[open_, :2] += (back * float(along @ (pose[b, :2] - usual)))[:, None] * along
+        spread[open_, :2, :2] -= (back * variance[1:])[:, None, None] * np.outer(along, along)
+        now = unsure[open_] & (np.trace(spread[open_, :2, :2], axis1=1, axis2=2) < OPEN * OPEN)
+        fix[open_[now]] = Fix.MATCHED if len(open_) == b - a - 1 else Fix.LOST
+    spread = np.where(unsure[:, None, None], spread, poses.covariance)
+    spread[fix == Fix.LOST], pose[fix == Fix.LOST] = np.nan, np.nan
+    return poses._replace(pose=pose, covariance=spread, fix=fix)

@@ -48,7 +48,8 @@ class Poses(NamedTuple):
     sighted: Float64[np.ndarray, "n 3"]
     """Poses by the scans alone, in the frame of the local map."""
     information: Float64[np.ndarray, "n 3 3"]
-    """About them: singular where a scan leaves a direction open."""
+    """About them: singular where a scan leaves a direction open. Of the first of a segment: about
+    its place in the one before."""
     slip: UInt8[np.ndarray, " n"]
     """1 where the wheels went out of all proportion to the scans."""
     scale: Float64[np.ndarray, " n"]

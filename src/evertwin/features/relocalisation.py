@@ -118,6 +118,41 @@ def through(views: Sequence[View], pose: Float64[np.ndarray, " 3"], chart: Occup
     return passed / count if count else 0.0
 
 
+def stray(views: Sequence[View], pose: Float64[np.ndarray, " 3"], chart: Occupancy) -> float:
+    """Share of the points that stand where the map is free, seen from ``pose``."""
+    at = np.concatenate([placed(view.surface, compose(pose, view.pose))[:, :2] for view in views])
+    walls = chart.walls()
+    if not len(walls) or not len(at):
+        return 0.0
+    cell = np.floor((at - np.array(chart.origin)) / chart.resolution).astype(np.int64)
+    inside = ((cell >= 0) & (cell < chart.cells.shape[::-1])).all(axis=1)
+    column, row = np.where(inside[:, None], cell, 0).T
+    far = cKDTree(walls).query(at)[0] > NEAR
+    return float(np.mean(inside & (chart.cells[row, column] == FREE) & far))
+
+
+class Charted(NamedTuple):
+    """A map, made ready for scans to be looked for.
+
+    >>> Charted._fields[:2]
+    ('chart', 'walls')
+    """
+
+    chart: Occupancy
+    walls: Known
+    drawing: Drawing
+    tree: cKDTree
+    window: _Window
+
+    @classmethod
+    def of(cls, chart: Occupancy) -> Charted:
+        """The same for every scan."""
+        walls, window = map_surface(chart), _Window.around(chart)
+        size = math.ceil(2 * window.half / CELL) + 2 * BLUR + 2
+        drawing = Drawing.of(walls, window.middle, size)
+        return cls(chart, Known.of(walls), drawing, cKDTree(walls[:, :2]), window)
+
+
 def located(views: Sequence[View], chart: Occupancy) -> Located:
     """The pose of a scan in a map, or of the first of several.
 
@@ -125,14 +160,19 @@ def located(views: Sequence[View], chart: Occupancy) -> Located:
         views: of one place; several tell more than one.
         chart: the map; a robot stands where it is free.
     """
+    points, walls = sum(len(view.surface) for view in views), len(chart.walls())
+    if points < FEW or not walls:
+        return Located(None, None, 0.0, f"{points} points and {walls} walls are too few")
+    return looked_for(views, Charted.of(chart))
+
+
+def looked_for(views: Sequence[View], ready: Charted) -> Located:
+    """The same in a map that is used for many."""
     scan = np.concatenate([placed(view.surface, view.pose) for view in views])
-    walls = map_surface(chart)
-    if len(scan) < FEW or not len(walls):
-        return Located(None, None, 0.0, f"{len(scan)} points and {len(walls)} walls are too few")
-    window = _Window.around(chart)
-    size = math.ceil(2 * window.half / CELL) + 2 * BLUR + 2
-    drawing = Drawing.of(walls, window.middle, size)
-    known, some, tree = Known.of(walls), balanced(scan), cKDTree(walls[:, :2])
+    if len(scan) < FEW:
+        return Located(None, None, 0.0, f"{len(scan)} points are too few")
+    chart, known, drawing, tree, window = ready
+    some = balanced(scan)
 
     def found(allowed: np.ndarray) -> tuple[Fit, float, float]:
         turns = np.array([window.half, math.pi, TURN])

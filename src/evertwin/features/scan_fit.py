@@ -11,6 +11,7 @@ np.True_
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -27,6 +28,8 @@ UNUSUAL = 7.8
 looked for: 95 % of three squares."""
 DENSE = 0.8
 """Half a window below which scans overlap so far that a fit leads to the right place [m]."""
+TOLD = 0.1
+"""How surely a scan tells its place, so that what was expected elsewhere need not be asked [m]."""
 MODES = 3
 """Places that a scan is matched from before others are looked for."""
 TURNS_ALIKE = 0.15
@@ -64,7 +67,7 @@ class Fit(NamedTuple):
     """A scan at a pose of the map.
 
     >>> Fit._fields
-    ('pose', 'share', 'covariance', 'sighting', 'worth', 'unseen')
+    ('pose', 'share', 'covariance', 'sighting', 'worth', 'unseen', 'others')
     """
 
     pose: Pose
@@ -76,6 +79,8 @@ class Fit(NamedTuple):
     """Logarithm of how likely the scan is there and this place was, up to a constant."""
     unseen: float = 0.0
     """Share of the scan that lies where the map has nothing."""
+    others: Float64[np.ndarray, "3 3"] = np.zeros((3, 3))
+    """Of the places that it was expected in as well; see `Expected.others`."""
 
 
 class Expected(NamedTuple):
@@ -112,14 +117,19 @@ class Expected(NamedTuple):
         tail = WHEELS if self.places is None else TAIL
         return np.asarray(weights * (1 + square / tail) ** (-0.5 * (tail + 3)))
 
-    @property
-    def others(self) -> Float64[np.ndarray, "3 3"]:
-        """Covariance of the places that it is expected in about the pose: a robot may go on as it
-        did before, and nothing but its scans tells which it does."""
+    def others(self, pose: Pose, modes: Sequence[Pose], told: Vector) -> Float64[np.ndarray, "3 3"]:
+        """Covariance of the places that it is expected in about the one that leads to a pose.
+
+        A robot may go on as it did before, and nothing but its scans tells which it does: ``told``,
+        the logarithm of how likely the scan is about each of the ``modes``.
+        """
         found = np.zeros((3, 3))
         if self.places is not None and self.weights is not None:
-            off = (self.places - self.pose)[:, :2]
-            found[:2, :2] = np.einsum("n,ni,nj->ij", self.weights, off, off)
+            off = self.places[:, None, :2] - np.array(modes)[:, :2]
+            nearest = np.einsum("kmi,kmi->km", off, off).argmin(axis=1)
+            weights = self.weights * np.exp(told - told.max())[nearest]
+            away = (self.places - self.about(pose))[:, :2]
+            found[:2, :2] = np.einsum("n,ni,nj->ij", weights / weights.sum(), away, away)
         return found
 
     def about(self, pose: Pose) -> Pose:
@@ -166,20 +176,24 @@ def ranked(scan: Surface, view: Known, expected: Expected, sure: float) -> list[
     fit, some = fitted(scan, view, expected, expected.pose), balanced(scan)
     sparse = expected.window is not None and expected.window[1] > DENSE
     doubt = sparse or fit.share < sure or expected.square(fit.pose) > UNUSUAL
-    starts = [*expected.modes()[1:], *searched(some, view, expected)] if doubt else []
+    open_ = np.linalg.eigvalsh(fit.sighting.information[:2, :2])[0] < 1 / TOLD**2
+    modes = expected.modes() if doubt or open_ else [expected.pose]
+    starts = [*modes[1:], *(searched(some, view, expected) if doubt else [])]
     fits = [fit, *(fitted(scan, view, expected, start) for start in starts)]
     prior = np.log(expected.densities(np.array([one.pose for one in fits])).sum(axis=1))
     told = [likelihood(some, len(some), *view, one.pose) for one in fits]
+    likely = len(some) / ALIKE * np.array([mean for mean, _ in told])
     fits = [
-        one._replace(worth=len(some) / ALIKE * mean + float(p), unseen=unseen)
-        for one, p, (mean, unseen) in zip(fits, prior, told, strict=True)
+        one._replace(worth=float(mean + p), unseen=unseen)
+        for one, mean, p, (_, unseen) in zip(fits, likely, prior, told, strict=True)
     ]
     kept: list[Fit] = []
     for one in sorted(fits, key=lambda one: -one.worth):
         far = all(math.hypot(*(one.pose - other.pose)[:2]) > ELSEWHERE for other in kept)
         if far and (not kept or kept[0].worth - one.worth < CLEARLY):
             kept.append(one)
-    return kept
+    near = likely[: len(modes)]
+    return [one._replace(others=expected.others(one.pose, modes, near)) for one in kept]
 
 
 def undecided(fit: Fit, other: Fit, better: float) -> Fit:

@@ -105,6 +105,7 @@ FIRM = 0.1
 
 Pose = Float64[np.ndarray, " 3"]
 Matching = Callable[[Surface, Known, Expected, float], list[Fit]]
+UNKNOWN = np.zeros((3, 3))
 Motion = Float64[np.ndarray, " 4"]
 """Wheels' pose and gyro's angle; NaN where they are not known."""
 
@@ -295,8 +296,10 @@ class ScanMatcher:
         through = contradicted(ranges, self.angles, lidar, view.points)
         return through > (AGAIN if lost else THROUGH) or (lost and _off(fit.covariance, FIRM))
 
-    def _begun(self, state: Following, scan: Surface, telling: bool) -> tuple[Following, Row]:
-        """The first scan of a map, which is where it says it is."""
+    def _begun(
+        self, state: Following, scan: Surface, telling: bool, known: np.ndarray = UNKNOWN
+    ) -> tuple[Following, Row]:
+        """The first scan of a map, where it says that it is; ``known``: where in the one before."""
         if not telling:
             return state, Row(segment=state.segment)
         pose = state.belief.pose
@@ -304,13 +307,15 @@ class ScanMatcher:
             map=joined(state.map, scan, pose), lost=0, open=0, carried=False,
             belief=state.belief.moved(state.belief.t, pose, np.zeros((3, 3))),
         )  # fmt: skip
-        firm = Sighting(pose, np.linalg.inv(COMMON))
-        return state, Row(pose.copy(), COMMON.copy(), Fix.MATCHED, 1.0, state.segment, firm)
+        row = Row(pose.copy(), COMMON.copy(), Fix.MATCHED, 1.0, state.segment)
+        return state, row._replace(sighting=Sighting(pose, known))
 
     def _matched(
         self, state: Following, scan: Surface, fit: Fit, ahead: Belief, way: float
     ) -> tuple[Following, Row]:
-        blind = math.isnan(way)
+        blind, last = math.isnan(way), state.belief.covariance
+        if blind:
+            ahead = ahead.moved(ahead.t, ahead.pose, ahead.covariance[:3, :3] + fit.others)
         found = measured(ahead, fit.sighting, 0.0 if blind else way)
         pose, spread = found.belief.pose, found.belief.covariance[:3, :3] + COMMON
         d = between(state.map.newest, pose)
@@ -329,12 +334,16 @@ class ScanMatcher:
         )  # fmt: skip
         if _off(spread, OPEN if blind else FAR):  # walls alike all along the way
             state = state._replace(open=state.open + 1)
+            row = Row(share=fit.share, segment=state.segment)
             if blind and state.open > PATIENCE:  # it may have moved on
                 state = state._replace(map=joined(ring, scan, pose))
-            return state, Row(share=fit.share, segment=state.segment)
+            if blind:  # what follows may tell the rest
+                row = row._replace(sighting=Sighting(pose.copy(), np.linalg.inv(spread)))
+            return state, row
         if blind and state.open > PATIENCE:
+            about = np.linalg.inv(state.open * last[:3, :3] + COMMON)  # errs the same each time
             state = state._replace(map=empty(self.beams), segment=state.segment + 1)
-            return self._begun(state, scan, True)
+            return self._begun(state, scan, True, about)
         return state._replace(open=0), row
 
 
@@ -383,7 +392,7 @@ def _expected(state: Following, went: Motion, blind: bool, dt: float) -> tuple[B
         window = at.pose, min(half, WIDEST * (1 + far)), min(turn, math.pi)
         likely = Expected(at.pose, spread, window, places, weights)
         likely = likely._replace(pose=places[likely.densities(places).sum(axis=1).argmax()])
-        return at.moved(at.t + lasts, likely.pose, spread + likely.others), likely
+        return at.moved(at.t + lasts, likely.pose, spread), likely
     wheels = between(state.moved[:3] - went[:3], state.moved[:3])
     ahead = predicted(state.belief, Step(lasts, wheels, float(went[3])))
     way, turn = math.hypot(wheels[0], wheels[1]), abs(wheels[2])
