@@ -1,9 +1,12 @@
-"""Can this node go on from what a shared store has of a twin? Looked at, with nothing written."""
+"""Can a twin begin, and go on from what a shared store has of it? With nothing written."""
 
 from __future__ import annotations
 
 from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
 
+from evertwin.engine import EngineSpec
 from evertwin.errors import EvertwinError, NoStore, StoreUnwritable
 from evertwin.ledger.ledger import Ledger
 from evertwin.ledger.versions import Versions
@@ -12,7 +15,29 @@ from evertwin.rows.channels import check_units
 from evertwin.service.plan import Plan
 from evertwin.setup.configured_model import model_of
 from evertwin.setup.setup import Setup
+from evertwin.sources.live.contract import Around
+from evertwin.sources.live.registry import open_live
 from evertwin.store import SharedStore
+from evertwin.store.spec import StoreSpec
+from evertwin.twin import Twin
+
+
+def unbuilt(plan: Plan) -> str:
+    """Why a twin of these files could not begin, its store aside; empty: it can. It is built beside
+    the one that runs, with its model and its sources, and let go."""
+    if plan.spec is None:
+        return plan.wrong
+    spec, around = plan.spec, Around(folder=Path(plan.spec.folder))
+    known = {one.name: one for one in spec.source + spec.array}
+    try:
+        with Twin(replace(spec, store=StoreSpec(), engine=EngineSpec())):
+            for one in plan.sources:
+                open_live(one, known[one.source], around)
+    except EvertwinError as error:
+        return str(error) if plan.file.name in str(error) else f"{plan.file}: {error}"
+    except Exception as error:  # noqa: BLE001  (a model or plug-in of the user's may raise any)
+        return f"{plan.file}: {type(error).__name__}: {error}"
+    return ""
 
 
 def why_not(plan: Plan, server: str) -> tuple[str, str]:

@@ -64,7 +64,7 @@ export function open({ twin, context }) {
     const after = (kind) => all.some((e) => e.kind === kind && e.signal === event.signal && e.number > event.number);
     if (event.kind === "measurement_error") return after("measurement_restored") || !now.refused?.includes(event.signal) ? "over" : "";
     if (["alarm", "external"].includes(event.kind)) return event.kind === "alarm" && after("alarm_cleared") ? "over" : "";
-    if (now.alarm && event.number >= now.alarm.event) return "";
+    if (now.alarm?.event && event.number >= now.alarm.event) return "";
     return now.returned?.event === event.number ? `over since ${clock(now.returned.over, true)}` : "over";
   }
 
