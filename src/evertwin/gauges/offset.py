@@ -146,12 +146,9 @@ def _constant(
     share = 100.0 * (1.0 - rows.total(left, unseen) / rows.total(rows.before, unseen))
     stop = rows.stop if _over(rows, (k, scaled), shift) else rows.count
     row, until = called(rows.row(rows.since)), rows.until(stop)
-    both = {
-        scaled: _sized(rows, (k, scaled), shift, scored, leap)
-        for _, column, shift, scaled in found if column == k
-    }  # fmt: skip
-    if max(one.left for one in both.values()) > ALIKE * both[scaled].left:
-        both = {scaled: both[scaled]}
+    both = {s: _sized(rows, (k, s), by, scored, leap) for _, j, by, s in found if j == k}
+    alike = max(one.left for one in both.values()) <= ALIKE * both[scaled].left
+    both = both if alike else {scaled: both[scaled]}
     size, what = _told(rows, channel, both, rows.values[scored, k])
     known = (
         f"{channel.name} looks off by {size} from {row}{until}: as {what} of its sensor "

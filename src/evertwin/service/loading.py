@@ -22,30 +22,12 @@ from evertwin.store.spec import StoreSpec
 from evertwin.twin import Twin
 
 
-def unbuilt(plan: Plan) -> str:
-    """Why a twin of these files could not begin, its store aside; empty: it can. It is built beside
-    the one that runs, with its model and its sources, and let go."""
-    if plan.spec is None:
-        return plan.wrong
-    spec, around = plan.spec, Around(folder=Path(plan.spec.folder))
-    known = {one.name: one for one in spec.source + spec.array}
-    try:
-        with Twin(replace(spec, store=StoreSpec(), engine=EngineSpec())):
-            for one in plan.sources:
-                open_live(one, known[one.source], around)
-    except EvertwinError as error:
-        return str(error) if plan.file.name in str(error) else f"{plan.file}: {error}"
-    except Exception as error:  # noqa: BLE001  (a model or plug-in of the user's may raise any)
-        return f"{plan.file}: {type(error).__name__}: {error}"
-    return ""
-
-
-def why_not(plan: Plan, server: str) -> tuple[str, str]:
+def why_not(plan: Plan, server: str = "") -> tuple[str, str]:
     """Why this node cannot go on with a twin, and why it would begin a new run; empty: it need not.
 
     Args:
         plan: the twin as this node's files have it.
-        server: the shared store.
+        server: the shared store; empty: a new twin is built, with its sources, and let go.
 
     Raises:
         StoreUnwritable: the store cannot be reached.
@@ -53,6 +35,9 @@ def why_not(plan: Plan, server: str) -> tuple[str, str]:
     if plan.spec is None:
         return plan.wrong, ""
     try:
+        if not server:
+            _build(plan)
+            return "", ""
         setup = Setup(plan.spec, model_of(plan.spec, None))
         check_units(plan.spec, setup.model)
         with closing(SharedStore(server, plan.name, read_only=True)) as store:
@@ -66,3 +51,13 @@ def why_not(plan: Plan, server: str) -> tuple[str, str]:
         return str(error), ""
     except Exception as error:  # noqa: BLE001  (a model or plug-in of the user's may raise any)
         return f"{type(error).__name__}: {error}", ""
+
+
+def _build(plan: Plan) -> None:
+    """Builds a twin without a store, and its sources; nothing is connected or kept."""
+    assert plan.spec is not None
+    spec, around = plan.spec, Around(folder=Path(plan.spec.folder))
+    known = {one.name: one for one in spec.source + spec.array}
+    with Twin(replace(spec, store=StoreSpec(), engine=EngineSpec())):
+        for one in plan.sources:
+            open_live(one, known[one.source], around)

@@ -20,7 +20,7 @@ from evertwin.engine import Pool
 from evertwin.errors import ConfigError, UsageError, nearest
 from evertwin.refit import work_of
 from evertwin.service.lag import Lag
-from evertwin.service.loading import unbuilt
+from evertwin.service.loading import why_not
 from evertwin.service.logs import Newest
 from evertwin.service.notify import beat_of, notify
 from evertwin.service.plan import Plan, Site, read_site
@@ -168,10 +168,10 @@ class Service:
         failed = {one.plan.file for one in self.runners.values() if one.state == "quarantined"}
         failed |= {plan.file for plan in before.values() if plan.wrong}
         wrong = [
-            why
+            why if plan.file.name in why else f"{plan.file}: {why}"
             for plan in site.twins
             if plan.file not in failed and plan != before.get(plan.name)
-            for why in (unbuilt(plan) if self.tending is None else plan.wrong,)
+            for why in (plan.wrong if self.tending is not None else why_not(plan)[0],)
             if why
         ]
         if wrong:
