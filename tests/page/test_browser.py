@@ -257,6 +257,14 @@ def test_a_label_acts_and_what_it_changed_stands_beside_the_event(shown: Shown) 
     picture(page, "twin/robot/events")
 
 
+def test_a_channel_that_is_not_what_it_was_is_no_wrong_form(shown: Shown) -> None:
+    said = shown.go("").evaluate("""async () => {
+        const { kind } = await import("/static/words.js");
+        return [{ number: 1.8 }, {}].map((evidence) => kind({ kind: "abnormal", evidence }));
+    }""")
+    assert said == ["sensor in doubt", "form is wrong"]
+
+
 def test_it_goes_on_by_itself_where_the_service_was_killed(shown: Shown) -> None:
     shown.awake()
     page = shown.go("twin/robot/live")

@@ -59,24 +59,30 @@ class Beside:
         self.work, self.rng = work, np.random.default_rng(seed)
         self.condition = Condition({"log": math.inf}, 600.0, asked=True)
         self.k, self.x, self.v, self.kinds = 0, 0.0, 0.2, list[str]()
+        self.heard: dict[int | None, str] = {None: "suspected"}
+        """Kind of each event; an alarm need not have one yet."""
 
-    def drive(self, rows: int, gain: float) -> dict[str, Any]:
-        """So many rows, ten at a time; the condition after them."""
+    def drive(self, rows: int, gain: float, stays: float | None = None) -> dict[str, Any]:
+        """So many rows, ten at a time; the condition after them. ``stays``: all that x says."""
         for _ in range(rows // 10):
             t, v = np.arange(self.k, self.k + 10) * 10**8, np.zeros((10, 2))
             for i in range(10):
                 self.x += 0.1 * gain * self.v
                 if self.rng.uniform() < 0.05:
                     self.v = float(self.rng.choice([-1.0, 1.0]) * self.rng.uniform(0.1, 0.3))
-                v[i] = self.v, self.x + self.rng.normal(0.0, 5e-4)
+                v[i] = self.v, self.x + self.rng.normal(0.0, 5e-4) if stays is None else stays
             self.k += 10
             self.condition.came("log")
             said = self.work.fold(self.work.keep([Chunk("log", t, v)]))
             for _, event in said.events:
                 self.kinds.append(str(event["kind"]))
+                self.heard[event["number"]] = str(event["kind"])
                 self.condition.heard(event)
             self.work.looked_at()
             self.condition.looked(self.work.now)
+            told = self.condition.told(failed=False)
+            for one in (told["alarm"], told["returned"]):
+                assert one is None or self.heard[one["event"]] == one["kind"]
         return self.condition.told(failed=False)
 
     def off(self) -> float:
@@ -135,6 +141,33 @@ def test_an_alarm_whose_cause_is_over_has_returned_to_normal(tmp_path: Path, see
         again.looked(work.now)
         told = again.told(failed=False)
         assert told["condition"] == "good" and told["returned"]["reason"] == over["reason"]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_frozen_sensor_is_what_is_said_while_it_lasts_and_what_is_over(
+    tmp_path: Path, seed: int
+) -> None:
+    """The rows that it gave before it was found out tell nothing of the machine."""
+    (tmp_path / "site.toml").write_text(SITE)
+    (tmp_path / "cart.toml").write_text(TWIN + "editable = []\n")
+    (tmp_path / "store").mkdir()
+    with closing(AtWork(read_site(tmp_path / "site.toml").twins[0], tmp_path / "store")) as work:
+        cart = Beside(work, seed)
+        assert cart.drive(400, 1.0)["condition"] == "good"
+        while abs(cart.v) > 0.2:  # it freezes within the tolerance of where it is
+            cart.drive(10, 1.0)
+        stays = cart.x
+        while "measurement_error" not in cart.kinds:
+            cart.drive(10, 1.0, stays)
+        for _ in range(8):
+            told = cart.drive(10, 1.0, stays)
+            assert (told["condition"], told["alarm"]) == ("maintenance_required", None)
+            assert "frozen" in told["why"]
+        for _ in range(30):
+            told = cart.drive(10, 1.0)
+        assert (told["condition"], told["refused"]) == ("good", [])
+        assert told["returned"]["reason"] == "x: frozen while the model predicted motion"
+        assert cart.heard[told["returned"]["event"]] == "measurement_error"
 
 
 def test_a_later_fit_hides_no_interval_of_the_live_version(tmp_path: Path) -> None:
@@ -201,6 +234,30 @@ def test_a_word_on_what_is_out_and_on_what_is_over() -> None:
     assert told["returned"]["over"] == 7 and told["returned"]["label"] == ""
     condition.heard(event(6, "labelled", evidence={"event": 5, "verdict": "acknowledged"}))
     assert condition.told(failed=False)["returned"]["label"] == "acknowledged"
+
+
+def test_what_was_over_stays_in_the_past_however_often_something_else_is_out() -> None:
+    condition = Condition({"log": math.inf}, asked=True)
+    condition.heard(event(3, "abnormal", "x looks off by +1.5 K", signal="x"))
+    condition.heard(event(4, "suspected", "y is off", signal="y"))
+    condition.looked(Now("held", first=41, since=4))
+    for k in range(5, 45):
+        condition.looked(Now("off", f"y is off by {k} K", "y", 10 * k, k, k))
+        assert condition.in_past("X looks off by +1.5 K.") == "X looked off by +1.5 K."
+        condition.looked(Now("held", first=10 * k + 1, since=k))
+    condition.heard(event(46, "abnormal", "x looks off by +1.5 K", signal="x"))
+    assert condition.in_past("X looks off by +1.5 K.") == "X looks off by +1.5 K."
+
+
+def test_what_no_event_has_told_of_names_none() -> None:
+    condition = Condition({"log": math.inf}, asked=True)
+    condition.heard(event(126, "tuned"))
+    condition.looked(Now("off", "x is off", "x", 1, 1, 2))
+    assert condition.told(failed=False)["alarm"]["event"] is None
+    condition.heard(event(127, "promoted"))
+    assert condition.told(failed=False)["returned"]["event"] is None
+    condition.heard(event(128, "labelled", evidence={"event": 127, "verdict": "false alarm"}))
+    assert condition.told(failed=False)["returned"]["label"] == ""
 
 
 def test_samples_that_are_trusted_again_end_what_was_not_valid_of_their_signal_alone() -> None:

@@ -141,6 +141,30 @@ def test_a_typo_in_a_twin_file_changes_nothing_and_is_told(hall: Path) -> None:
     assert f"robot1d.toml:{line}:" in told["why"] and "kint" in told["why"]
 
 
+def test_a_twin_that_cannot_be_built_changes_nothing_either(hall: Path) -> None:
+    """Model, name of a parameter, what may be tuned: the one that runs goes on."""
+    file, twin = site(hall, "one", speed=10), hall / "robot1d.toml"
+    good = twin.read_text()
+    slips = (
+        good.replace('kind = "robot1d"', 'kind = "robot1e"', 1),
+        good.replace("parameters.gain", "parameters.gian", 1),
+        good.replace("[tuning]", '[tuning]\neditable = ["gian"]', 1),
+    )
+    with Served(file) as served:
+        served.until(lambda status: status["twins"][0]["rows"] > 3)
+        for bad in slips:
+            assert bad != good
+            twin.write_text(bad)
+            code, told = served.ask("/api/v1/reload", {})
+            assert code == 400 and "robot1d.toml" in told["error"]
+            assert "gian" in told["error"] or "robot1e" in told["error"]
+            status = served.ask("/api/v1/status")[1]
+            assert status["reloads"] == 0 and status["error"] == told["error"]
+            assert status["twins"][0]["state"] in ("running", "ended")
+        twin.write_text(good + "\n")
+        assert served.ask("/api/v1/reload", {})[0] == 200
+
+
 def test_a_stop_keeps_the_state_tells_systemd_and_a_second_service_is_refused(hall: Path) -> None:
     line, environment = said_to(hall)
     file = site(hall, "robot", speed=50)

@@ -12,29 +12,31 @@ then, is compared as any other.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from evertwin.errors import TooFew
-from evertwin.fold import Block, Mark
+from evertwin.fold import Mark
 from evertwin.gauges import in_words
 from evertwin.gauges.change import split
+from evertwin.gauges.constant import BLOCKS, Column, Constant, beside, left_with
 from evertwin.gauges.gauge_rows import LEAST, Rows, residual, unchanged
 from evertwin.gauges.input_shift import of_inputs, shifted_inputs
 from evertwin.gauges.sensor_change import SensorChange, unmeasured
 from evertwin.gauges.unlike import changes
 from evertwin.rows.ring import called
-from evertwin.signals import wrap
+from evertwin.signals import Channel, wrap
 from evertwin.types import Bools, Outputs, ParameterVector, Vector
 
 HELD = 8
 """Rows for which a channel may be held before what it says is believed."""
 NEAR = 25
 """Rows about a change within which an offset sets in."""
-BLOCKS = 12
-"""Blocks of the unseen rows on which an offset and tuning are compared."""
+KINDS = ("an offset", "a scale")
+ALIKE = 1.5
+"""What leaves so many times as much explains it about as well."""
 SURE = 2.0
 """Standard errors by which the better one leads."""
 FIRST = 0.6
@@ -144,10 +146,10 @@ def _constant(
     share = 100.0 * (1.0 - rows.total(left, unseen) / rows.total(rows.before, unseen))
     stop = rows.stop if _over(rows, (k, scaled), shift) else rows.count
     row, until = called(rows.row(rows.since)), rows.until(stop)
-    number, error = _sized(rows, (k, scaled), shift, scored, leap)
-    size, what = in_words.about(rows.setup, channel, number, SIDES * error), "an offset"
-    if scaled:
-        size, what = f"{100.0 * shift:+.3g} ± {100.0 * SIDES * error:.2g} %", "a scale"
+    both = {s: _sized(rows, (k, s), by, scored, leap) for _, j, by, s in found if j == k}
+    alike = max(one.left for one in both.values()) <= ALIKE * both[scaled].left
+    both = both if alike else {scaled: both[scaled]}
+    size, what = _told(rows, channel, both, rows.values[scored, k])
     known = (
         f"{channel.name} looks off by {size} from {row}{until}: as {what} of its sensor "
         f"this explains {share:.0f} % of the deviation on rows that it was not learned on, "
@@ -164,6 +166,23 @@ def _constant(
         f"{known}{why}: sensor or machine, that cannot be told from these rows; "
         "nothing is learned until it can"
     ), None, lasts)  # fmt: skip
+
+
+def _told(
+    rows: Rows, channel: Channel, both: Mapping[bool, Constant], read: Vector
+) -> tuple[str, str]:
+    """The size of an offset, or a scale, or of either where one explains about as much, in words;
+    and which of them it is."""
+    sizes = {
+        scaled: f"{100.0 * one.size:+.3g} ± {100.0 * SIDES * one.error:.2g} %" if scaled
+        else in_words.about(rows.setup, channel, one.size, SIDES * one.error)
+        for scaled, one in sorted(both.items())
+    }  # fmt: skip
+    size, what = " or ".join(sizes.values()), " or ".join(KINDS[scaled] for scaled in sizes)
+    if len(sizes) > 1:
+        level = in_words.level(rows.setup, channel, float(np.nanmedian(read)))
+        size += f" (which of the two cannot be told while {channel.name} stays near {level})"
+    return size, what
 
 
 def _wait(rows: Rows, columns: Sequence[tuple[int, bool]], leap: float, scored: Bools) -> None:
@@ -259,7 +278,7 @@ def _shifted(
             return None, 0.0
     here = rows.before
     for _ in range(3):
-        there = _with(rows, one, shift + step)
+        there = left_with(rows, one, shift + step)
         slope = (there - here) / step
         known = seen[:, None] & np.isfinite(slope) & np.isfinite(here)
         a = np.where(known, slope / rows.sizes, 0.0)
@@ -269,59 +288,32 @@ def _shifted(
         shift -= float(np.sum(a * b) / np.sum(a * a))
         if leap:
             shift = leap * min(max(shift / leap, HALF), 1.0 + HALF)
-        here = _with(rows, one, shift)
+        here = left_with(rows, one, shift)
     return here, shift
 
 
-def _sized(
-    rows: Rows, one: tuple[int, bool], shift: float, seen: Bools, leap: float
-) -> tuple[float, float]:
-    """How large the constant is by the rows ``seen``, which tell ``shift``, and by how far it
-    leapt, each as sure as it is; its standard error."""
-    (k, scaled), here = one, _with(rows, one, shift)
-    slope = (_with(rows, one, 1.01 * shift) - here) / (0.01 * shift * rows.sizes)
-    known = seen[:, None] & np.isfinite(slope) & np.isfinite(here)
-    a, b = np.where(known, slope, 0.0), np.where(known, here / rows.sizes, 0.0)
-    parts = np.array_split(np.flatnonzero(seen), BLOCKS)
-    power = float(np.sum(a * a))
-    pulls = np.array([float(np.sum(a[part] * b[part])) for part in parts])
-    variance = float(np.sum(np.square(pulls))) / power**2 if power > 0.0 else np.inf
-    if not leap or scaled:
-        return shift, float(np.sqrt(variance))
-    p = rows.whole.full(rows.whole.start)
-    off = _missed(rows, k, p)[max(rows.since - TRIED, 0) : rows.since]
+def _sized(rows: Rows, one: Column, shift: float, seen: Bools, leap: float) -> Constant:
+    """How large the constant is by the rows ``seen``, which tell about ``shift``, and by how far it
+    leapt, each as sure as it is; its standard error; and squares that are left."""
+    found = beside(rows, one, shift, seen)
+    if not leap or one[1]:
+        return found
+    p, variance = rows.whole.full(rows.whole.start), found.error**2
+    off = _missed(rows, one[0], p)[max(rows.since - TRIED, 0) : rows.since]
     off = np.abs(off[1:] + off[:-1])  # an input that comes late makes few far larger than most
     own = (float(np.nanmax(off)) / SIDES) ** 2 if np.isfinite(off).any() else np.inf
-    share = variance / (variance + own)
-    return shift + share * (leap - shift), float(np.sqrt(share * own))
+    share = variance / (variance + own) if variance < np.inf else float(own < np.inf)
+    size = found.size + share * (leap - found.size)
+    return Constant(size, float(np.sqrt(share * own)) if share else found.error, found.left)
 
 
 def _over(rows: Rows, one: tuple[int, bool], shift: float) -> bool:
     """Do the rows on which the version holds again say so, or would they look the same with the
     channel still off, as a share of next to nothing does?"""
-    left = _with(rows, one, shift, rows.count)
+    left = left_with(rows, one, shift, rows.count)
     later = (np.arange(rows.count) >= rows.stop)[:, None]
     known = later & np.isfinite(left) & np.isfinite(rows.before)
     return rows.total(left, known) > WORSE * rows.total(rows.before, known)
-
-
-def _with(rows: Rows, one: tuple[int, bool], shift: float, stop: int | None = None) -> Outputs:
-    """Residual with that taken off up to row ``stop``, in what was recorded."""
-    (k, scaled), nu, zero = one, len(rows.setup.model.inputs), float(rows.zeros[one[0]])
-
-    def moved(window: Block) -> Block:
-        u, y = window.u.copy(), window.y.copy()
-        side, column = (u, k) if k < nu else (y, k - nu)
-        read = side[:, column]
-        side[:, column] = zero + (read - zero) / (1.0 + shift) if scaled else read - shift
-        return window._replace(u=u, y=y)
-
-    stop = rows.stop if stop is None else stop
-    posed = rows.pose(rows.changed(rows.since, stop, moved))
-    left = unchanged(posed)
-    if scaled and k >= nu:
-        left[rows.since : stop, k - nu] *= 1.0 + shift
-    return left
 
 
 def _stepped(rows: Rows, k: int, shift: float) -> bool:

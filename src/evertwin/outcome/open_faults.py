@@ -28,16 +28,24 @@ def open_faults(events: Sequence[Event]) -> Mapping[str, str]:
             e for e in events
             if e.signal == signal and e.kind in KINDS and _compared(e) == compared
         ]  # fmt: skip
-        # one that lasts is told of at its newest row, one that is over at a later one
         event, told = own[-1], own[-1].evidence
-        lasts = told.get("open", told.get("end") == event.row)
         if event.kind != "measurement_error" or signal in found:
             continue
-        if lasts and told.get("cause") != "vote":
+        if lasts(told, event.row):
             known = " Its first rows are in the figures." if "known" in told else ""
             since = f"since row {_first(own)}"
             found[signal] = f"{signal} has been in error {since}: {event.reason}.{known}"
     return found
+
+
+def lasts(told: Mapping[str, Any], row: int) -> bool:
+    """Is the error of a measurement going on, as far as its event knows? One that lasts is told of
+    at its newest row, one that is over at a later one.
+
+    >>> lasts({"cause": "frozen", "end": 9}, 9), lasts({"cause": "frozen", "end": 9}, 12)
+    (True, False)
+    """
+    return bool(told.get("open", told.get("end") == row)) and told.get("cause") != "vote"
 
 
 def _compared(event: Event) -> bool:

@@ -23,6 +23,7 @@ from evertwin.models import Model
 from evertwin.outcome import View
 from evertwin.outcome.result import OutputFigures
 from evertwin.rows import Numbered
+from evertwin.service.faults import Faults
 from evertwin.service.off_now import Now, off_now, rows_of, told_now
 from evertwin.service.plan import Plan
 from evertwin.service.scene import scene_of
@@ -96,6 +97,7 @@ class AtWork:
         self._estimates: dict[tuple[str, float], Estimate] = {}
         """The newest of each number's values: the live one need not be of the newest fit."""
         self._read = 0
+        self._faults = Faults()
         self._row = -1
         self._stored = 0.0
         self._looked, self._when = 0, 0.0
@@ -212,7 +214,9 @@ class AtWork:
         setup, live = self.going.at_rate, self.twin.champion.number
         if setup is None:
             return self.going.judged
-        self.now = off_now(setup, self.going.view(rows_of(setup)), live, found)
+        view = self.going.view(rows_of(setup))
+        lies = self._faults.at(view.row, self.twin.model)
+        self.now = off_now(setup, view._replace(off=np.where(lies, np.nan, view.off)), live, found)
         if self.now.judged in ("held", "off"):
             self._judged = live, self.now.judged
         return self._judged[1] if self._judged[0] == live else self.going.judged
@@ -240,6 +244,7 @@ class AtWork:
                 self._estimates[record.name, record.value] = record
             elif isinstance(record, Event):
                 found.append((entry.number, told(entry.number, record)))
+                self._faults.heard(record.kind, record.signal, record.row, record.evidence)
         self._read = store.head.length
         self.about = self._about()
         return tuple(found)

@@ -26,6 +26,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from evertwin.outcome.open_faults import lasts
 from evertwin.service.off_now import Now
 from evertwin.service.past import past
 
@@ -36,8 +37,6 @@ SOUND = ("promoted", "rolled_back")
 ERRORS, SPAN = 5, 600.0
 """Measurements of a channel that were refused within so many seconds, from which on its sensor is
 to be looked at."""
-KEPT = 16
-"""Alarms that are over whose words are known."""
 PERIODS = 3.0
 LEAST = 1.0
 """Seconds of silence that are never stale."""
@@ -51,8 +50,8 @@ class Alarm:
     4
     """
 
-    event: int
-    """The newest event that says so; of one that no event has told of, that before it."""
+    event: int | None
+    """Number of the newest event that says so; None: none has told of it."""
     kind: str
     reason: str
     row: int
@@ -70,6 +69,10 @@ class Alarm:
         """In plain values."""
         return {"event": self.event, "kind": self.kind, "since": self.since, "label": self.label}
 
+    def over(self, when: int) -> dict[str, Any]:
+        """The same once its cause is gone [ns], whatever a person says to it."""
+        return self.told | {"reason": past(self.reason), "over": when}
+
 
 class Condition:
     """Condition and age of one twin. See the module for an example."""
@@ -85,14 +88,14 @@ class Condition:
         self._alarm = ""
         self._out: Alarm | None = None
         self._returned: dict[str, Any] | None = None
-        self._was: deque[str] = deque(maxlen=KEPT)
-        """Reasons of alarms that are over."""
-        self._number = 0
-        """Of the newest event."""
+        self._said: dict[tuple[str, str], str] = {}
+        """Kind and signal → the newest reason, of what was told since the alarm that stands."""
+        self._was: dict[tuple[str, str], str] = {}
+        """The same of alarms that are over."""
         self._errors: dict[str, deque[float]] = {}
         # what two signals say of each other does not end where one by itself looks sound
-        self._refused: dict[tuple[str, bool], str] = {}
-        """Signal whose measurement is in error now → why."""
+        self._refused: dict[tuple[str, bool], Alarm] = {}
+        """Signal whose measurement is in error now → since when, and why."""
 
     def came(self, source: str) -> None:
         """Samples of one source arrived."""
@@ -104,24 +107,29 @@ class Condition:
     def heard(self, event: Mapping[str, Any]) -> None:
         """An event."""
         kind, reason, signal = (str(event.get(key, "")) for key in ("kind", "reason", "signal"))
-        when = int(event.get("time", 0))
-        self._number = int(event.get("number", 0))
+        when, row = int(event.get("time", 0)), int(event.get("row", 0))
+        number, named = int(event.get("number", 0)), f"{signal}: {reason}"
         if kind == "labelled":
             self._labelled(event["evidence"])
         elif kind in OUT:
             since = when if self._out is None else self._out.since
-            said = reason if signal in reason else f"{signal}: {reason}"
-            row = int(event.get("row", 0))
-            self._out = Alarm(self._number, kind, said, row, since, signal)
+            said = reason if signal in reason else named
+            self._out = Alarm(number, kind, said, row, since, signal)
+            self._said[kind, signal] = said
         elif self._ends(kind, signal):
             self._over(when)
         elif kind == "measurement_error":
             newest = self._errors.setdefault(signal, deque(maxlen=ERRORS))
             newest.append(time.monotonic())
-            if _lasts(event):
-                self._refused[signal, _compared(event)] = reason
+            if lasts(event.get("evidence") or {}, row):
+                known = self._refused.get((signal, _compared(event)))
+                since = when if known is None else known.since
+                lies = Alarm(number, kind, named, row, since, signal)
+                self._refused[signal, _compared(event)] = lies
         elif kind == "measurement_restored":
-            self._refused.pop((signal, _compared(event)), None)
+            lied = self._refused.pop((signal, _compared(event)), None)
+            if lied is not None:
+                self._returned = lied.over(when)
         elif kind in ("alarm", "alarm_cleared"):
             self._alarm = reason if kind == "alarm" else ""
 
@@ -133,7 +141,7 @@ class Condition:
         if now.judged == "off":
             if out is None:
                 said = "suspected", now.reason, now.first, now.time, now.signal
-                self._out = Alarm(self._number + 1, *said)
+                self._out = Alarm(None, *said)
             elif out.kind == "suspected":
                 out.now = now.reason
         elif now.judged == "held" and behind:
@@ -147,17 +155,16 @@ class Condition:
         return valid or kind in SOUND or (kind == "normal" and not self._asked)
 
     def _over(self, when: int) -> None:
-        """The cause of what was out is gone, whatever a person says to it."""
+        """The cause of what was out is gone."""
         if self._out is not None:
-            self._was.append(self._out.reason)
-            said = {"reason": past(self._out.reason), "over": when}
-            self._returned, self._out = self._out.told | said, None
+            self._returned, self._out = self._out.over(when), None
+            self._was |= self._said
+            self._said = {}
 
     def in_past(self, text: str) -> str:
         """The text, with what alarms said that are over in the past tense."""
-        standing = "" if self._out is None else self._out.reason
-        for said in self._was:
-            if said != standing:
+        for said in self._was.values():
+            if said not in self._said.values():
                 for one in (said, said[:1].upper() + said[1:]):
                     text = text.replace(one, past(one))
         return text
@@ -165,10 +172,13 @@ class Condition:
     def _labelled(self, said: Mapping[str, Any]) -> None:
         """A person's word on what is out holds until it is out anew."""
         number, verdict = int(said["event"]), str(said["verdict"])
-        if self._out is not None and number >= self._out.event:
-            self._out.label = verdict
+        out = self._out
+        if out is not None and out.event is not None and number >= out.event:
+            out.label = verdict
         elif self._returned is not None and number == self._returned["event"]:
             self._returned["label"] = verdict
+        for lies in self._refused.values():
+            lies.label = verdict if lies.event == number else lies.label
 
     def told(self, *, failed: bool, over: Collection[str] = ()) -> dict[str, Any]:
         """In plain values: condition, why, what a person said to it, the alarm that stands and the
@@ -205,7 +215,7 @@ class Condition:
     def _sensors(self, now: float) -> str:
         """Whose measurements are refused, now or again and again, in words."""
         if self._refused:
-            said = "; ".join(f"{signal}: {why}" for (signal, _), why in self._refused.items())
+            said = "; ".join(one.reason for one in self._refused.values())
             return f"look at the sensor of {said}"
         often = [s for s, at in self._errors.items() if len(at) == ERRORS and now - at[0] < SPAN]
         return f"look at the sensor of {', '.join(often)}" if often else ""
@@ -237,10 +247,3 @@ class Condition:
 
 def _compared(event: Mapping[str, Any]) -> bool:
     return bool((event.get("evidence") or {}).get("cause") == "kinematics")
-
-
-def _lasts(event: Mapping[str, Any]) -> bool:
-    """Is the error of a measurement going on, as far as its event knows?"""
-    told = event.get("evidence") or {}
-    lasts = told.get("open", told.get("end", -1) == event.get("row"))
-    return bool(lasts) and told.get("cause") != "vote"

@@ -13,8 +13,8 @@ import re
 _WAS = {
     "is": "was", "are": "were", "has": "had", "looks": "looked", "can": "could", "does": "did",
     "cannot": "could not", "explains": "explained", "fits": "fitted", "now": "then",
-    "depends": "depended", "drives": "drove", "makes": "made", "reaches": "reached",
-    "scatters": "scattered",
+    "depends": "depended", "drives": "drove", "makes": "made", "predicts": "predicted",
+    "reaches": "reached", "scatters": "scattered",
 }  # fmt: skip
 _WORD = re.compile(rf"(?<![\w.-])({'|'.join(_WAS)})(?![\w.-]\w)\b")
 

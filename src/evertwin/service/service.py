@@ -1,8 +1,8 @@
 """All twins of a site in one process: start, reload, stop.
 
 A reload takes the site file and the twin files anew: twins that are gone are stopped, new ones are
-started, changed ones are stopped and started, the others never notice. A file that cannot be read
-changes nothing, and the error is told.
+started, changed ones are stopped and started, the others never notice. A file that cannot be read,
+or of which no twin can be built, changes nothing, and the error is told.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from evertwin.engine import Pool
 from evertwin.errors import ConfigError, UsageError, nearest
 from evertwin.refit import work_of
 from evertwin.service.lag import Lag
+from evertwin.service.loading import why_not
 from evertwin.service.logs import Newest
 from evertwin.service.notify import beat_of, notify
 from evertwin.service.plan import Plan, Site, read_site
@@ -142,7 +143,7 @@ class Service:
         async with self._turn:
             try:
                 site = await asyncio.to_thread(read_site, self.path)
-                self._refuse(site)
+                await asyncio.to_thread(self._refuse, site)
             except ConfigError as error:
                 self.error = str(error)
                 LOG.error("reload: nothing is changed: %s", error)
@@ -163,8 +164,16 @@ class Service:
         Raises:
             ConfigError: one line for each problem.
         """
-        broken = {plan.file for plan in self.site.twins if plan.wrong}
-        wrong = [plan.wrong for plan in site.twins if plan.wrong and plan.file not in broken]
+        before = {plan.name: plan for plan in self.site.twins}
+        failed = {one.plan.file for one in self.runners.values() if one.state == "quarantined"}
+        failed |= {plan.file for plan in before.values() if plan.wrong}
+        wrong = [
+            why if plan.file.name in why else f"{plan.file}: {why}"
+            for plan in site.twins
+            if plan.file not in failed and plan != before.get(plan.name)
+            for why in (plan.wrong if self.tending is not None else why_not(plan)[0],)
+            if why
+        ]
         if wrong:
             raise ConfigError("\n".join(wrong))
 

@@ -89,7 +89,10 @@ def begin(
         account[j, :] = 0.0
         off = wrapped(y[j] - predicted[j], limits[j, at.ANGLE] > 0)
         account[j, at.BESIDE_OFF] = off - values[j, at.NU] if how != STARTED else 0.0
-        account[j, at.BESIDE_NOISE] = 0.5 * values[j, at.BASE]
+        # Of a few samples it is a guess that is far too large, by which any line is a factor's.
+        # The one that starts now has told nothing of it, nor have the first two of all.
+        guessed = how == STARTED and memory[1][g, at.SAMPLES] - 3 < at.LEARN
+        account[j, at.BESIDE_NOISE] = np.inf if guessed else 0.5 * values[j, at.BASE]
         # What crept was followed for a while already.
         account[j, at.BESIDE_LAG] = abs(off) if how == CREPT and believed else 0.0
         account[j, at.BESIDE_FROM] = account[j, at.BESIDE_AFTER] = predicted[j]

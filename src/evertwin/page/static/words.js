@@ -101,4 +101,5 @@ export const KINDS = {
   silent: "no samples", back: "samples again",
   not_calibrated: "limits not known yet", gate_widened: "gate widened", superseded: "overtaken", recovered: "store recovered",
 };
-export const kind = (name) => KINDS[name] ?? name.replaceAll("_", " ");
+export const kind = ({ kind: name, evidence }) =>
+  name === "abnormal" && evidence?.number !== undefined ? "sensor in doubt" : KINDS[name] ?? name.replaceAll("_", " ");

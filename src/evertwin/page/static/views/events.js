@@ -41,7 +41,7 @@ export function open({ twin, context }) {
       return before === after ? `kept; the condition stays ${after.replaceAll("_", " ")}` : `kept; the condition went from ${before.replaceAll("_", " ")} to ${after.replaceAll("_", " ")}`;
     };
     said.hidden = false;
-    put(said, h("h2", {}, `${kind(event.kind)}: ${event.reason}`), !may && h("p", { class: "quiet" }, "To look only: open the link that 'evertwin page' printed to label."),
+    put(said, h("h2", {}, `${kind(event)}: ${event.reason}`), !may && h("p", { class: "quiet" }, "To look only: open the link that 'evertwin page' printed to label."),
       h("div", { class: "row" }, field("Who", person), field("Because", reason)),
       h("div", { class: "row" }, VERDICTS.map(([verdict, label]) => action(label, say(verdict), { disabled: !may, id: `say-${verdict.replace(" ", "-")}` }))),
       h("div", { class: "row" }, about.causes?.length > 0 && [field("Its cause", cause), action("This is the cause", say("cause", () => ({ cause: cause.value })), { disabled: !may, id: "say-cause" })],
@@ -64,7 +64,7 @@ export function open({ twin, context }) {
     const after = (kind) => all.some((e) => e.kind === kind && e.signal === event.signal && e.number > event.number);
     if (event.kind === "measurement_error") return after("measurement_restored") || !now.refused?.includes(event.signal) ? "over" : "";
     if (["alarm", "external"].includes(event.kind)) return event.kind === "alarm" && after("alarm_cleared") ? "over" : "";
-    if (now.alarm && event.number >= now.alarm.event) return "";
+    if (now.alarm?.event && event.number >= now.alarm.event) return "";
     return now.returned?.event === event.number ? `over since ${clock(now.returned.over, true)}` : "over";
   }
 
@@ -73,11 +73,11 @@ export function open({ twin, context }) {
     const all = context.feed?.events ?? [];
     const labels = new Map(all.filter((e) => e.kind === "labelled").map((e) => [e.evidence?.event, e]));
     const did = new Map(all.filter((e) => e.kind === "heeded" && e.evidence?.event).map((e) => [e.evidence.event, e]));
-    const seen = all.filter((e) => (!only.checked || ALARMS.includes(e.kind)) && (!asked || `${e.kind} ${kind(e.kind)} ${e.signal} ${e.reason}`.toLowerCase().includes(asked)));
+    const seen = all.filter((e) => (!only.checked || ALARMS.includes(e.kind)) && (!asked || `${e.kind} ${kind(e)} ${e.signal} ${e.reason}`.toLowerCase().includes(asked)));
     put(list, seen.slice(-400).reverse().map((e) => {
       const label = labels.get(e.number);
       const ended = over(e, all);
-      return h("li", {}, h("time", {}, e.time ? clock(e.time, true) : `row ${e.row}`), h("b", {}, kind(e.kind)), e.signal && !e.reason.startsWith(e.signal) && ` ${e.signal}`, ` ${e.reason}`, e.evidence?.person && h("span", { class: "quiet" }, ` (${e.evidence.person})`), " ",
+      return h("li", {}, h("time", {}, e.time ? clock(e.time, true) : `row ${e.row}`), h("b", {}, kind(e)), e.signal && !e.reason.startsWith(e.signal) && ` ${e.signal}`, ` ${e.reason}`, e.evidence?.person && h("span", { class: "quiet" }, ` (${e.evidence.person})`), " ",
         label && h("span", { class: "tag" }, `${label.evidence.verdict}, ${label.evidence.person ?? "somebody"}`), ended && h("span", { class: "tag" }, ended), " ",
         e.kind !== "labelled" && h("button", { type: "button", id: `event-${e.number}`, "aria-label": `Label event ${e.number}`, onclick: () => choose(e).catch((error) => { said.hidden = false; put(said, error.message); }) }, "Label"),
         did.has(e.number) && h("div", { class: "did" }, h("b", {}, "What the label changed: "), did.get(e.number).reason));

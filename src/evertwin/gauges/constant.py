@@ -1,0 +1,109 @@
+"""How large a constant on a channel is, or a share, and how sure, beside the machine's numbers.
+
+The version as it is is not quite the machine, and what it is off by goes into a constant that is
+learned alone: so the numbers that are tuned are learned beside it, on the rows before it too. What
+is left then goes on for a while from row to row; so blocks of rows say how sure all of it is.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+
+from evertwin.fold import Block
+from evertwin.gauges.gauge_rows import Rows, residual, unchanged
+from evertwin.tuning import Problem
+from evertwin.types import Bools, Outputs
+
+BLOCKS = 12
+"""Blocks of rows, each of which tells by itself."""
+FEW_BLOCKS = 1.12
+"""So many times larger are the sides of a number that so few blocks tell."""
+ROUNDS = 2
+"""Steps towards it: it need not be small."""
+STEP = 0.01
+"""Share of a constant by which it is varied."""
+
+Column: TypeAlias = tuple[int, bool]
+"""Which column of inputs and outputs, and whether it is off by a share."""
+
+
+class Constant(NamedTuple):
+    """What came of it.
+
+    >>> Constant(0.2, 0.01, 3.0).size
+    0.2
+    """
+
+    size: float
+    """[SI], or a share."""
+    error: float
+    """Standard error."""
+    left: float
+    """Squares that are left on the rows that it is of."""
+
+
+def beside(rows: Rows, one: Column, shift: float, seen: Bools) -> Constant:
+    """The constant by the rows ``seen``, of about ``shift``, and one machine on them and before."""
+    used = seen | (np.arange(rows.count) < rows.since)
+    names = tuple(name for name in rows.fit.names if name in rows.whole.names)
+    size, values = shift, rows.whole.start
+    for _ in range(ROUNDS):
+        there, more = _posed(rows, one, size), _posed(rows, one, (1.0 + STEP) * size)
+        if names:
+            there, more = there.tuning(names), more.tuning(names)
+            values = there.start if values is rows.whole.start else values
+        here = recorded(rows, one, size, residual(there, values))
+        other = recorded(rows, one, (1.0 + STEP) * size, residual(more, values))
+        columns = ((other - here) / (STEP * size))[:, :, None]
+        if names:
+            columns = np.concatenate([columns, -there.jacobian(values)], axis=2)
+        step = rows.least(columns, here, used)
+        left = here + columns @ step
+        size += float(step[0])
+        values = np.clip(values + step[1:], *there.bounds) if names else values
+    return Constant(size, _error(rows, columns, left, used), rows.total(left, seen))
+
+
+def _error(rows: Rows, columns: np.ndarray, left: Outputs, used: Bools) -> float:
+    """Standard error of how much of the first column there is."""
+    a, b = columns / rows.sizes[:, None], left / rows.sizes
+    known = used[:, None] & np.isfinite(b) & np.isfinite(a).all(axis=2)
+    a, b = np.where(known[:, :, None], a, 0.0), np.where(known, b, 0.0)
+    flat = a.reshape(-1, a.shape[2])
+    rest = flat[:, 1:] @ np.linalg.lstsq(flat[:, 1:], flat[:, 0], rcond=1e-9)[0]
+    own = (flat[:, 0] - rest).reshape(b.shape)
+    power = float(np.sum(own * own))
+    parts = np.array_split(np.flatnonzero(used), BLOCKS)
+    pulls = np.array([float(np.sum(own[part] * b[part])) for part in parts])
+    return FEW_BLOCKS * float(np.sqrt(np.sum(pulls**2))) / power if power > 0.0 else np.inf
+
+
+def left_with(rows: Rows, one: Column, shift: float, stop: int | None = None) -> Outputs:
+    """Residual with that taken off up to row ``stop``, in what was recorded."""
+    posed = _posed(rows, one, shift, stop)
+    return recorded(rows, one, shift, unchanged(posed), stop)
+
+
+def _posed(rows: Rows, one: Column, shift: float, stop: int | None = None) -> Problem:
+    (k, scaled), nu, zero = one, len(rows.setup.model.inputs), float(rows.zeros[one[0]])
+
+    def moved(window: Block) -> Block:
+        u, y = window.u.copy(), window.y.copy()
+        side, column = (u, k) if k < nu else (y, k - nu)
+        read = side[:, column]
+        side[:, column] = zero + (read - zero) / (1.0 + shift) if scaled else read - shift
+        return window._replace(u=u, y=y)
+
+    return rows.pose(rows.changed(rows.since, rows.stop if stop is None else stop, moved))
+
+
+def recorded(
+    rows: Rows, one: Column, shift: float, left: Outputs, stop: int | None = None
+) -> Outputs:
+    """A residual without a constant, in what was recorded. Writes into it."""
+    (k, scaled), nu = one, len(rows.setup.model.inputs)
+    if scaled and k >= nu:
+        left[rows.since : rows.stop if stop is None else stop, k - nu] *= 1.0 + shift
+    return left
