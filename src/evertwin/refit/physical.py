@@ -30,6 +30,9 @@ PASSIVE = ("kg", "kg*m^2", "N*s/m", "N*m*s", "J/K", "W/K", "ohm", "s")
 """Units of masses, inertias, frictions, capacities, conductances, resistances and times: what is
 above zero has no such machine below it, whatever the bounds say of a model of one's own."""
 
+PRODUCTS = ("Ixy", "Ixz", "Iyz")
+"""Of inertia: a body has them on either side of zero."""
+
 Tune: TypeAlias = Callable[[Problem], tuple[Fit, dict[str, Any]]]
 
 
@@ -63,7 +66,8 @@ def physically(problem: Problem, tune: Tune) -> tuple[Fit, dict[str, Any]]:
 def passive(model: Model, p: ParameterVector, before: Mapping[str, float]) -> str:
     """Numbers that no machine has below zero and that fell below it, in words; empty: none did.
 
-    Of friction it is the sum of its terms that resists: one of them may be below zero.
+    Of friction it is the sum of its terms that resists: one of them may be below zero. So may a
+    body's product of inertia.
 
     Args:
         model: of a candidate, with ``p``, (np,).
@@ -75,8 +79,23 @@ def passive(model: Model, p: ParameterVector, before: Mapping[str, float]) -> st
         f"{item.name} {value:.3g} {item.unit}"
         for item, value in zip(model.parameters, p.tolist(), strict=True)
         if item.name not in terms
+        and item.name.rpartition(".")[2] not in PRODUCTS
         and value < 0.0 < before.get(item.name, 0.0)
         and any(compatible(item.unit, unit) for unit in PASSIVE)
+    )
+
+
+def bodies_below(problem: Problem, fit: Fit) -> tuple[str, ...]:
+    """Masses and moments of bodies that a fit would have below zero: they are told by noise, or
+    stand for another body's, and a fit holds them as they were."""
+    start = dict(zip(problem.names, problem.start.tolist(), strict=True))
+    return tuple(
+        name
+        for name, unit, value in zip(fit.names, fit.units, fit.values.tolist(), strict=True)
+        if "." in name
+        and name.rpartition(".")[2] not in PRODUCTS
+        and value < 0.0 < start.get(name, 0.0)
+        and any(compatible(unit, body) for body in PASSIVE[:2])
     )
 
 
