@@ -16,7 +16,7 @@ from evertwin.machines.drive import Drive, DriveForce
 from evertwin.machines.friction.resisting import not_physical
 from evertwin.models import Parameters
 from evertwin.models.spec import ModelSpec
-from evertwin.refit.physical import passive, physically
+from evertwin.refit.physical import embodied, passive, physically
 from evertwin.refit.work import Work
 from evertwin.setup.setup import Setup
 from evertwin.setup.task import Task
@@ -185,7 +185,7 @@ def test_a_body_below_zero_is_held_and_friction_is_adopted() -> None:
         work = Work(Setup(twin.spec, twin.model), twin._versions)
         names = (*grown, *(f"Fv{j}" for j in range(1, 7)), moment)
         start = work.problem(twin.champion, (rows,), names)
-        problem, fit, _ = work.tune(start)
+        problem, fit, _ = embodied(start, work.tune)
     assert start.parameters[moment].value > 0
     assert moment not in fit.names and "below zero is no body" in fit.message
     assert [fit[name] for name in grown] == pytest.approx([6.0] * 6, abs=0.2)

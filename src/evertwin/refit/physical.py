@@ -33,6 +33,9 @@ above zero has no such machine below it, whatever the bounds say of a model of o
 PRODUCTS = ("Ixy", "Ixz", "Iyz")
 """Of inertia: a body has them on either side of zero."""
 
+HOLDS = 3
+"""Times that bodies are held, each with what they leave to others."""
+
 Tune: TypeAlias = Callable[[Problem], tuple[Fit, dict[str, Any]]]
 
 
@@ -85,9 +88,27 @@ def passive(model: Model, p: ParameterVector, before: Mapping[str, float]) -> st
     )
 
 
-def bodies_below(problem: Problem, fit: Fit) -> tuple[str, ...]:
-    """Masses and moments of bodies that a fit would have below zero: they are told by noise, or
-    stand for another body's, and a fit holds them as they were."""
+def embodied(
+    problem: Problem, tune: Callable[[Problem], tuple[Problem, Fit, dict[str, Any]]]
+) -> tuple[Problem, Fit, dict[str, Any]]:
+    """A tuning without the masses and moments of bodies that would fall below zero: noise tells
+    them, or they stand for another body's. They stay as they were, and the rest is tuned."""
+    out = list[str]()
+    problem, fit, rounds = tune(problem)
+    for _ in range(HOLDS):
+        below = _below(problem, fit)
+        rest = tuple(name for name in problem.names if name not in below)
+        if not below or not rest:
+            break
+        out += below
+        problem, fit, rounds = tune(problem.tuning(rest))
+    if out:
+        said = f"{', '.join(out)} as before: below zero is no body"
+        fit = replace(fit, message=f"{fit.message}; {said}")
+    return problem, fit, rounds
+
+
+def _below(problem: Problem, fit: Fit) -> tuple[str, ...]:
     start = dict(zip(problem.names, problem.start.tolist(), strict=True))
     return tuple(
         name

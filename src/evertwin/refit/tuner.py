@@ -18,7 +18,7 @@ from evertwin.models.corrected import Corrected
 from evertwin.models.form import Version
 from evertwin.refit.answering import changed_since
 from evertwin.refit.judgement import NEARLY_ALL
-from evertwin.refit.physical import bodies_below, physically
+from evertwin.refit.physical import physically
 from evertwin.setup.evaluation import left
 from evertwin.setup.lasting import lasting
 from evertwin.setup.setup import Setup
@@ -155,12 +155,6 @@ class Tuner:
         """What was tuned, and the fit, its friction held to what resists; where it went by rounds,
         these and the single-axis simulations they took."""
         fit, rounds = physically(problem, self._tune)
-        below = bodies_below(problem, fit)
-        if below and len(below) < len(problem.names):
-            rest = tuple(name for name in problem.names if name not in below)
-            problem, fit, rounds = self.tune(problem.tuning(rest))
-            said = f"{fit.message}; {', '.join(below)} as before: below zero is no body"
-            return problem, replace(fit, message=said), rounds
         return problem if fit.names == problem.names else problem.tuning(fit.names), fit, rounds
 
     def _tune(self, problem: Problem) -> tuple[Fit, dict[str, Any]]:
