@@ -197,7 +197,7 @@ class Kinematics:
     def beat(
         self, state: KinematicsState
     ) -> tuple[KinematicsState, tuple[Contradiction | Leap, ...]]:
-        """Contradictions and leaps that opened or closed since the last beat. Consumes ``state``."""
+        """What opened or closed since the last beat. Consumes ``state``."""
         numbers, told = state.numbers, list[Contradiction | Leap]()
         for k in np.flatnonzero(numbers[:, loop.LEAPT] != numbers[:, loop.LEAP_SAID]).tolist():
             (position, speed), first = self.names[k], int(numbers[k, loop.LEAPT])
