@@ -66,7 +66,14 @@ STEP = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Tangent(StaticMap):
-    """A model that is linear in more of its numbers, near a point. See the module."""
+    """A model that is linear in more of its numbers, near a point.
+
+    >>> from evertwin.machines.drive import DriveForce
+    >>> axis = DriveForce("tanh+stribeck")
+    >>> near = Tangent(axis, (("vs", "width"),), axis.parameters.values)
+    >>> [near.parameters.names[k] for k in near.columns[0, -2:]]
+    ['vs', 'width']
+    """
 
     model: LinearModel
     inside: Inside
