@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from evertwin.anomaly.kinematics import Contradiction, Kinematics
+from evertwin.anomaly.kinematics import Contradiction, Kinematics, Leap
 
 STAGE = Kinematics((("position", "speed"),), ((0, 1, 0),), rate=100.0)
 TURNS = Kinematics((("q1", "qd1"),), ((0, 1, 1),), 100.0, ("rad", "rad/s"))
@@ -22,7 +22,7 @@ def motion(seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
 
 def told(
     q: np.ndarray, v: np.ndarray, stage: Kinematics = STAGE, cut: int = 200
-) -> tuple[list[Contradiction], np.ndarray]:
+) -> tuple[list[Contradiction | Leap], np.ndarray]:
     state, found, marks = stage.init(), [], []
     u, dt = np.stack([q, v], axis=1), np.full(len(q), 0.01)
     for first in range(0, len(q), cut):
@@ -117,3 +117,27 @@ def test_units_that_are_taken_for_each_other_are_named() -> None:
     q[AT:] *= 57.3
     (opened,), _ = told(q, v, TURNS)
     assert "as degrees for radians would make it" in opened.reason
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_position_that_leaps_against_its_speed_is_told_at_once(seed: int) -> None:
+    q, v = motion(seed)
+    q[AT:] += 0.07 * (-1) ** seed
+    (leap,), marks = told(q, v, TURNS)
+    assert isinstance(leap, Leap) and leap.open and (leap.signal, leap.first) == ("q1", AT)
+    assert leap.by == pytest.approx(0.07 * (-1) ** seed, rel=0.2)
+    assert "against qd1" in leap.reason and not marks.any()
+    q[6000:] -= 0.07 * (-1) ** seed
+    (_, back), _ = told(q, v, TURNS)
+    assert isinstance(back, Leap) and not back.open
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_what_stands_and_catches_up_or_comes_back_is_no_leap(seed: int) -> None:
+    q, v = motion(seed)
+    for first in range(1000, 7900, 487):
+        q[first : first + 8] = q[first]  # late: held, then where it is
+    q[AT] += 0.5  # one row alone
+    assert not told(q, v, TURNS)[0]
+    turned = np.arctan2(np.sin(3 * q), np.cos(3 * q))  # a whole turn is none
+    assert not told(turned, 3 * v, TURNS)[0]

@@ -8,6 +8,7 @@ import pytest
 from evertwin import Twin, TwinSpec
 from evertwin.config.spec import ModelSpec, MovingSpec
 from evertwin.doctor import Diagnosis
+from evertwin.models.spec import ParameterSpec
 
 RATE = 200
 
@@ -74,3 +75,30 @@ def test_a_load_that_pulls_all_the_time_is_no_turned_sensor() -> None:
 
 def test_a_load_that_pulls_all_the_time_hides_no_turned_sensor() -> None:
     assert lifted(-1.0) == ["sign"]
+
+
+def factors(seed: int, values: dict[str, float], times: float = 1.0) -> list[str]:
+    """An axis that rubs, and its force times a number for the last quarter of the recording."""
+    rng, t = np.random.default_rng(seed), np.arange(4000) / 100
+    waves = (rng.normal() / n * np.sin(0.5 * n * t + rng.uniform(0, 6)) for n in range(1, 7))
+    v = sum(waves) * np.clip(t - 2.0, 0.0, 1.0)
+    a = np.gradient(v, t)
+    force = 14.0 * a + 60.0 * v + 55.0 * np.tanh(v / 0.003) + rng.normal(0.0, 1.0, len(t))
+    force[3000:] *= times
+    given = {name: ParameterSpec(value=value) for name, value in values.items()}
+    spec = TwinSpec(
+        "axis", ModelSpec("drive_force", {"law": "tanh"}, parameters=given),
+        moving=MovingSpec(above=0.05, channels={"force": "speed"}),
+    )  # fmt: skip
+    with Twin(spec) as twin:
+        found = twin.doctor({"t": t, "speed": v, "acceleration": a, "force": force})
+    return [one.reason for one in found.findings if "off by a factor" in one.reason]
+
+
+def test_an_untuned_model_says_nothing_of_a_sensor() -> None:
+    assert not any(factors(seed, {"mass": 3.0}) for seed in range(12))
+
+
+def test_a_factor_is_told_by_a_model_that_fits() -> None:
+    known = {"mass": 14.0, "Fv": 60.0, "Fc": 55.0}
+    assert all(factors(seed, known, 10.0) for seed in range(3))

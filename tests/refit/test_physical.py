@@ -8,14 +8,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evertwin import FunctionModel, Layout
+from evertwin import FunctionModel, Layout, TwinSpec
 from evertwin.errors import UsageError
 from evertwin.fold import Block, make_block
 from evertwin.machines.arm import Arm
 from evertwin.machines.drive import Drive, DriveForce
 from evertwin.machines.friction.resisting import not_physical
 from evertwin.models import Parameters
-from evertwin.refit.physical import passive, physically
+from evertwin.models.spec import ModelSpec
+from evertwin.refit.physical import embodied, passive, physically
 from evertwin.refit.work import Work
 from evertwin.setup.setup import Setup
 from evertwin.setup.task import Task
@@ -155,6 +156,40 @@ def test_a_drive_says_at_which_speeds(machine: DriveForce | Drive) -> None:
     p = machine.parameters.with_values({"Fv": -10.0, "Fc": 5.0, "offset": 50.0}).values
     said = not_physical(machine, p, (rows,))
     assert "from 0.6 to 1 m/s" in said and "Fv = -10" in said
+
+
+def test_a_product_of_inertia_may_be_below_zero() -> None:
+    arm = Arm.of("ur5_like", base=True)
+    names = [name for name in arm.parameters.names if name.endswith(".Ixz")]
+    p = arm.parameters.with_values(dict.fromkeys(names, -0.2)).values
+    assert names and not passive(arm, p, dict.fromkeys(names, 0.1))
+    (moment, *_) = (name for name in arm.parameters.names if name.endswith(".Izz"))
+    p = arm.parameters.with_values({moment: -0.2}).values
+    assert moment in passive(arm, p, {moment: 0.1})
+
+
+def test_a_body_below_zero_is_held_and_friction_is_adopted() -> None:
+    """Rows that hardly tell a moment: noise would put it below zero and the friction with it."""
+    rng, t = np.random.default_rng(3), np.arange(4000) * 0.01
+    arm = Arm.of("ur5_like", base=True)
+    q = 0.5 * np.sin(np.outer(t, np.linspace(0.7, 1.9, 6)))
+    v = np.gradient(q, t, axis=0)
+    u = np.concatenate([q, v, np.gradient(v, t, axis=0)], axis=1)
+    moment = [n for n in arm.parameters.names if n.endswith(".Izz")][-1]
+    grown = {f"Fc{j}": 6.0 for j in range(1, 7)}
+    p = arm.parameters.with_values(grown | {moment: -0.02}).values
+    y = arm.simulate(np.zeros(0), u, np.full(4000, 0.01), p)[1] + rng.normal(0, 0.01, (4000, 6))
+    rows = make_block(t=(t * 1e9).astype(np.int64), u=u, y=y)
+    spec = TwinSpec("arm", ModelSpec("arm", {"urdf": "ur5_like", "base": True}))
+    with Twin(spec) as twin:
+        work = Work(Setup(twin.spec, twin.model), twin._versions)
+        names = (*grown, *(f"Fv{j}" for j in range(1, 7)), moment)
+        start = work.problem(twin.champion, (rows,), names)
+        problem, fit, _ = embodied(start, work.tune)
+    assert start.parameters[moment].value > 0
+    assert moment not in fit.names and "below zero is no body" in fit.message
+    assert [fit[name] for name in grown] == pytest.approx([6.0] * 6, abs=0.2)
+    assert not passive(problem.model, fit.p, {moment: start.parameters[moment].value})
 
 
 def test_no_machine_has_a_mass_below_zero() -> None:

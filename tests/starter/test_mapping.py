@@ -9,7 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from evertwin.app.starting import write_starter
+from evertwin.config import read
 from evertwin.machines.catalog import machine
+from evertwin.refit.workers import setup_of
 from evertwin.starter import Proposal, look, mapped
 
 T = np.arange(0.0, 20.0, 0.01)
@@ -174,3 +177,13 @@ def test_the_room_is_the_steadiest_temperature(written: Written) -> None:
     }  # fmt: skip
     found = proposed(written(table), kind="thermal")
     assert columns(found) == {"heater": "heater_on", "box": "average_temperature", "room": "t3"}
+
+
+def test_bodies_of_an_arm_stay_once_they_are_known(
+    written: Written, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = written(arm(lambda what, j: f"{what}{j + 1}"))
+    write_starter([table], tmp_path / "new.toml", ("arm", None), force=False, as_json=False)
+    names = set(setup_of(read(tmp_path / "new.toml")).once)
+    known = machine("arm", {"urdf": "ur5_like", "base": True}).parameters.names
+    assert names == {name for name in known if "." in name or name.startswith("Ia")}

@@ -3,7 +3,9 @@
 Over stretches of time the change of the position is compared with the integral of the speed, in
 which noise and the steps of an encoder vanish. Once they have agreed, stretch by stretch, three in
 a row that differ by more than half are a contradiction: a unit, a sign, a frozen or a swapped
-channel. A model that takes both as inputs cannot be judged by them, nor learn from them.
+channel. A model that takes both as inputs cannot be judged by them, nor learn from them. A
+position that leaps within one row, further than it ever went in one, and stays where it is is told
+by itself: before or behind it the position is off.
 
 >>> t = 0.01 * np.arange(6000)
 >>> speed = np.where(t < 40.0, 1.0, 1000.0) * np.cos(t)
@@ -44,12 +46,42 @@ class KinematicsState(NamedTuple):
     """State of `Kinematics`. See `evertwin.anomaly.kinematics_loop` for the places.
 
     >>> Kinematics((), (), 1.0).init().numbers.shape
-    (0, 8)
+    (0, 12)
     """
 
     numbers: Int64[np.ndarray, "pairs numbers"]
     figures: Float64[np.ndarray, "pairs figures"]
     machine: Int64[np.ndarray, " one"]
+
+
+class Leap(NamedTuple):
+    """A position that leaps while its speed says nothing of it.
+
+    >>> Leap("q3", "qd3", 2000, True, 0.07, "rad").reason
+    'q3 leaps by +0.07 rad (+4.01°) within one row, against qd3: it is off since, or was before'
+    """
+
+    signal: str
+    other: str
+    """Its speed."""
+    first: int
+    """Row at which."""
+    open: bool
+    """False: it leapt back."""
+    by: float
+    """How far, in SI."""
+    unit: str
+
+    @property
+    def reason(self) -> str:
+        """In words."""
+        if not self.open:
+            return f"{self.signal} leaps back to where it was"
+        turned = f" ({math.degrees(self.by):+.3g}°)" if self.unit == "rad" else ""
+        return (
+            f"{self.signal} leaps by {self.by:+.3g} {self.unit}{turned} within one row, against "
+            f"{self.other}: it is off since, or was before"
+        )
 
 
 class Contradiction(NamedTuple):
@@ -123,7 +155,10 @@ class Kinematics:
     def init(self) -> KinematicsState:
         """Nothing seen."""
         pairs = len(self.names)
-        numbers, figures = np.zeros((pairs, 8), dtype=np.int64), np.zeros((pairs, 12))
+        numbers, figures = (
+            np.zeros((pairs, loop.NUMBERS), dtype=np.int64),
+            np.zeros((pairs, loop.FIGURES)),
+        )
         return KinematicsState(numbers, figures, np.zeros(1, dtype=np.int64))
 
     def handed_on(self, state: KinematicsState) -> KinematicsState:
@@ -138,6 +173,8 @@ class Kinematics:
     ) -> tuple[KinematicsState, Bools]:
         """Rows from ``row`` on, and which of them are contradicted. Consumes ``state``."""
         marked = np.zeros(len(u), dtype=np.bool_)
+        if state.numbers.shape[1] != loop.NUMBERS:  # of an older checkpoint
+            state = self.init()
         if self.names:
             loop.watch(row, dt, u, self._pairs, self._rule, tuple(state), marked)
         return state, marked
@@ -157,9 +194,17 @@ class Kinematics:
         first = state.numbers[bad | (state.numbers[:, loop.OPEN] != 0), loop.FIRST]
         return int(first.min()) if len(first) else -1
 
-    def beat(self, state: KinematicsState) -> tuple[KinematicsState, tuple[Contradiction, ...]]:
-        """Contradictions that opened or closed since the last beat. Consumes ``state``."""
-        numbers, told = state.numbers, []
+    def beat(
+        self, state: KinematicsState
+    ) -> tuple[KinematicsState, tuple[Contradiction | Leap, ...]]:
+        """What opened or closed since the last beat. Consumes ``state``."""
+        numbers, told = state.numbers, list[Contradiction | Leap]()
+        for k in np.flatnonzero(numbers[:, loop.LEAPT] != numbers[:, loop.LEAP_SAID]).tolist():
+            (position, speed), first = self.names[k], int(numbers[k, loop.LEAPT])
+            by, unit = float(state.figures[k, loop.LEAP]), self._units(k)[0]
+            begins = (first or int(numbers[k, loop.LEAP_SAID])) - 1
+            told.append(Leap(position, speed, begins, first > 0, by, unit))
+        numbers[:, loop.LEAP_SAID] = numbers[:, loop.LEAPT]
         for k in np.flatnonzero(numbers[:, loop.OPEN] != numbers[:, loop.SAID]).tolist():
             told.append(self._of(k, numbers[k], state.figures[k]))
         numbers[:, loop.SAID] = numbers[:, loop.OPEN]
@@ -174,10 +219,13 @@ class Kinematics:
         still = [size < STANDS for size in sizes]
         far = [abs(math.log(size)) for size in sizes]
         first, is_open = int(number[loop.FIRST]), bool(number[loop.OPEN])
-        units = [self.units[c] if self.units else "" for c in self.columns[k][:2]]
+        units = self._units(k)
         if far[0] - far[1] > math.log(CLEARLY):
             factor = 0.0 if still[0] else math.inf if still[1] else xy / yy
             return Contradiction(position, speed, first, is_open, factor, True, units[0])
         factor = 0.0 if still[1] else math.inf if still[0] else xy / xx
         known = far[1] - far[0] > math.log(CLEARLY)
         return Contradiction(speed, position, first, is_open, factor, known, units[1])
+
+    def _units(self, k: int) -> list[str]:
+        return [self.units[c] if self.units else "" for c in self.columns[k][:2]]

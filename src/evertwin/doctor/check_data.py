@@ -203,8 +203,11 @@ def _goes_on(view: View, event: Event) -> bool:
 
 
 def _model_is_off(view: View, event: Event) -> bool:
-    """A static map has no place to jump from: what its gate contests is the model's own error."""
-    contested = event.kind == "overruled" or event.evidence.get("cause") == "vote"
+    """A static map has no place to jump from: what its gate contests is the model's own error. So
+    is a factor that is one of a model that is far off anyway."""
+    cause = event.evidence.get("cause")
+    contested = event.kind == "overruled" or cause == "vote"
+    contested |= cause == "factor" and event.signal in view.astray
     return view.setup.static and contested
 
 

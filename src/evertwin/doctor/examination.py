@@ -26,6 +26,9 @@ MOST = 20_000
 FEW, FOLLOWED = 1_000, 10_000
 """The same, and rows that are judged, where each row is a call of a model that is not compiled."""
 
+ASTRAY = 0.3
+"""Part of an output's size by which a model is off that says nothing of its sensor."""
+
 
 class Samples(NamedTuple):
     """What one source recorded in one task.
@@ -136,6 +139,19 @@ class View:
         if not self.slow or len(kept) > 1:
             return kept
         return (take(kept[0], 0, min(len(kept[0].t), self.most)),)
+
+    @cached_property
+    def astray(self) -> frozenset[str]:
+        """Outputs of a static map that the version is off by more than `ASTRAY` of their size, in
+        the middle of their rows: it says nothing of their sensors."""
+        model, p = self.model, self.version.p
+        y = np.concatenate([window.y for window in self.simulated])
+        off = y - np.concatenate(
+            [model.simulate(model.initial(p), w.u, w.dt, p)[1] for w in self.simulated]
+        )
+        with np.errstate(invalid="ignore"):
+            far = np.nanmedian(np.abs(off), axis=0) > ASTRAY * np.nanmedian(np.abs(y), axis=0)
+        return frozenset(n for n, on in zip(self.model.outputs.names, far, strict=True) if on)
 
     @property
     def simulated(self) -> tuple[Block, ...]:

@@ -28,7 +28,7 @@ from evertwin.refit.work import Work
 from evertwin.refit.workers import far_of
 from evertwin.rows.feed import Data, Feed
 from evertwin.setup.evaluation import Deviation, Prediction, deviations, falls_short, predict
-from evertwin.setup.friction_law import Chosen, acting, climb_laws, joined
+from evertwin.setup.friction_law import Chosen, acting, climb_laws, inside, joined
 from evertwin.setup.setup import Setup
 from evertwin.setup.task import Windows
 from evertwin.setup.windows import starts, windows_of
@@ -41,10 +41,12 @@ from evertwin.tuning import (
     initials,
     moved,
     repeated,
+    solve,
     started,
     told_apart,
 )
 from evertwin.tuning.interrupt import Interrupt
+from evertwin.tuning.tangent import leaning, searched, told
 from evertwin.types import Json
 
 Watch: TypeAlias = Callable[[int, float], bool]
@@ -248,14 +250,30 @@ def tune(
     problem = replace(problem, settings=replace(problem.settings, far=far))
     with Interrupt() as stop:
         problem, chosen = climb_laws(setup, _watched(problem, stop, watch))
+        problem = searched(problem, inside(problem))
         work = Work(setup, versions, before)
         formed = with_terms(setup, work, version, problem)
-        told = told_apart(formed.problem, formed.fit)
-        sure = repeated(formed.problem, carried(formed.problem, told))
-        formed = replace(formed, fit=moved(formed.problem, sure, joined(formed.problem)))
-        chosen = acting(chosen, problem, formed.fit)
+        fit = _sure(setup, formed)
+        chosen = acting(chosen, problem, fit)
         unknown = _unknown(work, formed) if chosen.laws or formed.search else ""
+        formed = replace(formed, fit=fit)
     return Tuned(setup, base, version, formed, chosen, unknown, tasks, feed)
+
+
+def _sure(setup: Setup, formed: Formed) -> Fit:
+    """The fit, with what is told apart and the intervals that hold all the same."""
+    problem, fit = formed.problem, told_apart(formed.problem, formed.fit)
+    within = inside(problem) if setup.spec.tuning.method != "recursive" else ()
+    near = fit
+    if within and fit.converged:  # what is held at zero, or put back, stays there
+        pairs = zip(fit.values.tolist(), fit.verdict, formed.fit.values.tolist(), strict=True)
+        free = [not (new == 0.0 if word != "not" else new != old) for new, word, old in pairs]
+        names = tuple(name for name, on in zip(fit.names, free, strict=True) if on)
+        problem = leaning(problem.tuning(names), fit.p, within)
+        near = solve(problem)
+    sure = repeated(problem, carried(problem, near))
+    sure = moved(problem, sure, joined(formed.problem))
+    return told(fit, sure, formed.problem.parameters) if near is not fit else sure
 
 
 def led(setup: Setup, train: Data, windows: Windows) -> tuple[Windows, Windows]:

@@ -30,6 +30,12 @@ PASSIVE = ("kg", "kg*m^2", "N*s/m", "N*m*s", "J/K", "W/K", "ohm", "s")
 """Units of masses, inertias, frictions, capacities, conductances, resistances and times: what is
 above zero has no such machine below it, whatever the bounds say of a model of one's own."""
 
+PRODUCTS = ("Ixy", "Ixz", "Iyz")
+"""Of inertia: a body has them on either side of zero."""
+
+HOLDS = 3
+"""Times that bodies are held, each with what they leave to others."""
+
 Tune: TypeAlias = Callable[[Problem], tuple[Fit, dict[str, Any]]]
 
 
@@ -63,7 +69,8 @@ def physically(problem: Problem, tune: Tune) -> tuple[Fit, dict[str, Any]]:
 def passive(model: Model, p: ParameterVector, before: Mapping[str, float]) -> str:
     """Numbers that no machine has below zero and that fell below it, in words; empty: none did.
 
-    Of friction it is the sum of its terms that resists: one of them may be below zero.
+    Of friction it is the sum of its terms that resists: one of them may be below zero. So may a
+    body's product of inertia.
 
     Args:
         model: of a candidate, with ``p``, (np,).
@@ -75,8 +82,41 @@ def passive(model: Model, p: ParameterVector, before: Mapping[str, float]) -> st
         f"{item.name} {value:.3g} {item.unit}"
         for item, value in zip(model.parameters, p.tolist(), strict=True)
         if item.name not in terms
+        and item.name.rpartition(".")[2] not in PRODUCTS
         and value < 0.0 < before.get(item.name, 0.0)
         and any(compatible(item.unit, unit) for unit in PASSIVE)
+    )
+
+
+def embodied(
+    problem: Problem, tune: Callable[[Problem], tuple[Problem, Fit, dict[str, Any]]]
+) -> tuple[Problem, Fit, dict[str, Any]]:
+    """A tuning without the masses and moments of bodies that would fall below zero: noise tells
+    them, or they stand for another body's. They stay as they were, and the rest is tuned."""
+    out = list[str]()
+    problem, fit, rounds = tune(problem)
+    for _ in range(HOLDS):
+        below = _below(problem, fit)
+        rest = tuple(name for name in problem.names if name not in below)
+        if not below or not rest:
+            break
+        out += below
+        problem, fit, rounds = tune(problem.tuning(rest))
+    if out:
+        said = f"{', '.join(out)} as before: below zero is no body"
+        fit = replace(fit, message=f"{fit.message}; {said}")
+    return problem, fit, rounds
+
+
+def _below(problem: Problem, fit: Fit) -> tuple[str, ...]:
+    start = dict(zip(problem.names, problem.start.tolist(), strict=True))
+    return tuple(
+        name
+        for name, unit, value in zip(fit.names, fit.units, fit.values.tolist(), strict=True)
+        if "." in name
+        and name.rpartition(".")[2] not in PRODUCTS
+        and value < 0.0 < start.get(name, 0.0)
+        and any(compatible(unit, body) for body in PASSIVE[:2])
     )
 
 

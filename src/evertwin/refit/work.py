@@ -42,7 +42,7 @@ from evertwin.refit.correcting import learn, nearest
 from evertwin.refit.judgement import NEARLY_ALL, judged, partly
 from evertwin.refit.named_cause import named_first
 from evertwin.refit.newest import after, newer, newest
-from evertwin.refit.physical import passive
+from evertwin.refit.physical import embodied, passive
 from evertwin.refit.posterior import posterior
 from evertwin.refit.recursive_fit import Recursion
 from evertwin.refit.simplest import law_now
@@ -202,7 +202,7 @@ class Work(Tuner):
         if few is None and (named := named_first(self, task, posed, events)):
             return named | since
         problem, chosen = law_now(self.setup, posed, self.tune if commissioned else None)
-        problem, fit, rounds = self.tune(problem)
+        problem, fit, rounds = embodied(problem, self.tune)
         tuned = problem, fit
         if commissioned and not rounds:
             own = tuple(n for n in problem.names if n in model.parameters.names)

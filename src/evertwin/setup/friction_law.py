@@ -23,6 +23,7 @@ from evertwin.models import Model
 from evertwin.setup.setup import Setup
 from evertwin.setup.windows import apart
 from evertwin.tuning import Fit, Problem
+from evertwin.tuning.tangent import Inside, searched
 from evertwin.tuning.terms import climb_terms, folded
 from evertwin.tuning.unseen import held_out
 from evertwin.types import PerOutput
@@ -33,8 +34,6 @@ FASTEST = 0.99
 """Quantile of a drive's speeds that stands for its fastest."""
 SHARES = np.geomspace(0.01, 0.5, 12)
 """Of the fastest speed, at which what is within a term may fall."""
-CLOSER = np.geomspace(0.75, 1.33, 5)
-"""Then of the one of these that was best."""
 PARTS = 4
 """Parts that a single task is cut into."""
 MOST = 2 / 3
@@ -104,10 +103,12 @@ def joined(problem: Problem) -> Mapping[str, tuple[str, ...]]:
     model = problem.model
     several = len(model.outputs.names) > 1
     return {
-        f"{rung.name} of {model.outputs.names[rung.output]}" if several else rung.name: rung.add
+        f"{rung.name} of {model.outputs.names[rung.output]}" if several else rung.name: (
+            *rung.add, *(name for name, _ in rung.shape)
+        )
         for rung in _rungs(model)
         if set(rung.add) <= set(problem.names)
-    }
+    }  # fmt: skip
 
 
 def nested(setup: Setup, problem: Problem) -> tuple[tuple[str, ...], ...]:
@@ -159,7 +160,9 @@ def climb_laws(setup: Setup, problem: Problem) -> tuple[Problem, Chosen]:
     parts = replace(problem, windows=_folds(apart(problem.windows)))
     ascent = climb_terms(parts, tried, wrong=pushing)
     out = [r for r in tried if r.name not in ascent.taken[r.output]]
-    stay = {name: plain.parameters[name].value for rung in out for name, _ in rung.shape}
+    kept = {name for r in tried if r not in out for name, _ in (*r.shape, *r.switch)}
+    within = {name for r in out for name, _ in (*r.shape, *r.switch)} - kept
+    stay = {name: plain.parameters[name].value for name in within}
     problem = replace(problem, prior=problem.parameters.with_values(stay)) if stay else problem
     return problem.tuning(ascent.names), _chosen(problem, ascent.taken)
 
@@ -202,19 +205,39 @@ def _shaped(problem: Problem, tried: Sequence[Rung]) -> Problem:
     shaped = replace(problem, editable=names, windows=_folds(apart(problem.windows)))
     least = np.full(len(fastest), np.inf)
     best = {name: fastest[rung.output] for rung in open_ for name, _ in rung.shape}
-    for shares in (SHARES, CLOSER):
-        about = dict(best)
-        for share in shares.tolist():
-            speeds = {
-                name: float(np.clip(share * speed, items[name].low, items[name].high))
-                for name, speed in about.items()
-            }
-            left = folded(replace(shaped, prior=items.with_values(speeds)))
-            for rung in open_:
-                if left[rung.output] < least[rung.output]:
-                    best |= {name: speeds[name] for name, _ in rung.shape}
-            least = np.fmin(least, left)
-    return replace(problem, prior=items.with_values(best))
+    for share in SHARES.tolist():
+        speeds = {
+            name: float(np.clip(share * fastest[rung.output], items[name].low, items[name].high))
+            for rung in open_
+            for name, _ in rung.shape
+        }
+        left = folded(replace(shaped, prior=items.with_values(speeds)))
+        for rung in open_:
+            if left[rung.output] < least[rung.output]:
+                best |= {name: speeds[name] for name, _ in rung.shape}
+        least = np.fmin(least, left)
+    near = replace(problem.tuning(names), prior=items.with_values(best))
+    found = searched(near, inside(near)).parameters
+    return replace(problem, prior=found)
+
+
+def inside(problem: Problem) -> Inside:
+    """Of each output the speeds inside of its law's terms that nobody has said."""
+    model, items = problem.model, problem.model.parameters
+    there = [rung for rung in _rungs(model) if set(rung.add) <= set(problem.names)]
+    if not problem.linear:
+        return ()
+    found = tuple(
+        tuple(dict.fromkeys(
+            name
+            for rung in there
+            if rung.output == k
+            for name, value in (*rung.shape, *rung.switch)
+            if items[name].value == value
+        ))
+        for k in range(len(model.outputs))
+    )  # fmt: skip
+    return found if any(found) else ()
 
 
 def _thinned(window: Block) -> Block:

@@ -223,6 +223,17 @@ class Draft:
         return tuple(str(self.options.get("law", "")).split("+")[1:])
 
     @property
+    def once(self) -> tuple[str, ...]:
+        """An arm's rotors and bodies stay once they are known, friction goes on."""
+        names = self.model.parameters.names if self.model is not None else ()
+        if self.kind != "arm":
+            return ()
+        links = dict.fromkeys(name.partition(".")[0] for name in names if "." in name)
+        alike = bool(links) and all(link.endswith("_link") for link in links)
+        bodies = ("*_link.*",) if alike else tuple(f"{link}.*" for link in links)
+        return (*(("Ia*",) if "Ia1" in names else ()), *bodies)
+
+    @property
     def corrected(self) -> tuple[str, ...]:
         """What a moving base, or a machine of one's own, is told: drives are rarely what they are
         taken for. A box may have walls, which take heat and give it back."""

@@ -25,7 +25,7 @@ from evertwin.tuning.nonlinear import least_squares
 from evertwin.tuning.problem import Problem
 from evertwin.tuning.sensitivity import Sensitivity
 from evertwin.tuning.settings import Settings
-from evertwin.types import Outputs, ParameterVector, PerOutput, Vector
+from evertwin.types import Float64, Outputs, ParameterVector, PerOutput, Vector
 
 
 def solve(
@@ -54,19 +54,23 @@ def solve(
         return _search(problem, settings or problem.settings, began)
 
 
-def _linear(problem: Problem, began: float) -> Fit:
+def closed(problem: Problem) -> tuple[Vector, PerOutput, Float64[np.ndarray, "ny k k"]]:
+    """A linear problem without its bounds: (values, noise, what each output tells of them)."""
     start, (_, _, columns, at) = problem.start, problem.reduced
     scale = np.full(len(at), np.nan) if problem.scale is None else problem.scale
     change, noise, blocks, code = solved(problem.first, columns, at, problem.information, scale)
     if not np.isfinite(blocks).all():
         raise DataError(_beyond(problem))
-    acting = Sensitivity(columns, at, problem.rows.used, blocks)
+    if code == FINE:
+        return start + change, noise, blocks
+    careful = ClosedForm(at, start, problem.information, scale).carefully(problem.first, columns)
+    return careful.values, careful.noise, blocks
+
+
+def _linear(problem: Problem, began: float) -> Fit:
+    values, noise, blocks = closed(problem)
+    acting = Sensitivity(problem.reduced.columns, problem.reduced.at, problem.rows.used, blocks)
     _check_knobs(problem, acting)
-    values = start + change
-    if code != FINE:
-        plan = ClosedForm(at, start, problem.information, scale)
-        careful = plan.carefully(problem.first, columns)
-        values, noise = careful.values, careful.noise
     hit: tuple[str, ...] = ()
     ends = zip(values.tolist(), *(end.tolist() for end in problem.bounds), strict=True)
     if any(value < low or value > high for value, low, high in ends):

@@ -44,6 +44,8 @@ class Rung(NamedTuple):
     """What it means, in a few words."""
     shape: tuple[tuple[str, float], ...] = ()
     """Speeds inside its features, each with what it is where nobody says."""
+    switch: tuple[tuple[str, float], ...] = ()
+    """Width of a smooth switch that it could be taken for, likewise."""
 
 
 @runtime_checkable
@@ -168,10 +170,12 @@ class Law:
 
     def rungs(self, suffix: str = "") -> tuple[Rung, ...]:
         """The steps from viscous + Coulomb + offset up to this law, in the ladder's order."""
+        smooth = ((_WIDTH.name + suffix, _WIDTH.value),) if self.switch == "tanh" else ()
         return tuple(
             Rung(
                 item.name, tuple(one.name + suffix for one in item.coefficients), cause=item.cause,
                 shape=tuple((x.name + suffix, x.value) for x in item.shape if x.sliding == "m/s"),
+                switch=smooth if "coulomb" in item.confused_with else (),
             )
             for item in self.terms
             if not item.always
