@@ -1,4 +1,4 @@
-"""The machines of the benchmark stay as their authors wrote them."""
+"""The machines of the benchmark stay as their authors wrote them, and accuse no sound sensor."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.strangers import draw, textbook
+from benchmarks.strangers import draw, textbook, twin
 from benchmarks.strangers.score import score
+from evertwin import Twin
 
 FAMILIES = [(group, name) for group in ("known", "late") for name in draw.names(group)]
 
@@ -38,3 +39,14 @@ def test_the_true_form_is_worth_more_than_the_fitted_textbook_form(
     assert found.ratio["own"] == 1.0
     assert 1.2 < found.ratio["scipy"] <= found.ratio["naive"]
     assert found.closed("scipy") == 0.0
+
+
+@pytest.mark.parametrize(("family", "seed"), [("spring", 10), ("direction", 4)])
+def test_few_rows_at_one_speed_accuse_no_sensor(tmp_path: Path, family: str, seed: int) -> None:
+    """A drive that runs faster for the first time, of a form that the twin did not have: "the sign
+    of force looks turned", "speed looks 0.3048 times what it is", and nothing was learned."""
+    place = draw.write("known", family, seed, tmp_path)
+    with Twin.open(twin.twin_file(place)) as opened:
+        result = opened.run([str(one) for one in sorted(place.glob("train_*.csv"))])
+    assert not [e.reason for e in result.of_kind("abnormal") if "looks" in e.reason]
+    assert result.of_kind("promoted")

@@ -244,6 +244,8 @@ def _left(rows: Rows, one: Reading, first: int, stop: int) -> float:
     told = bool(rival >= worse or not tuned.any() or jumped)
     if good and not told and was > LEFT * left:  # tuning took away what was off before, too
         told = bool(_rival(rows, one, stop, tuned) >= worse)
+        if told and count < rows.setup.enough:  # few rows are explained by many machines
+            raise TooFew(f"{count} rows do not tell whether {one.said}")
     return max(left / off, 1e-12) if good and told else 0.0
 
 
