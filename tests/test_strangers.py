@@ -41,10 +41,13 @@ def test_the_true_form_is_worth_more_than_the_fitted_textbook_form(
     assert found.closed("scipy") == 0.0
 
 
-@pytest.mark.parametrize(("family", "seed"), [("spring", 10), ("direction", 4)])
-def test_few_rows_at_one_speed_accuse_no_sensor(tmp_path: Path, family: str, seed: int) -> None:
-    """A drive that runs faster for the first time, of a form that the twin did not have: "the sign
-    of force looks turned", "speed looks 0.3048 times what it is", and nothing was learned."""
+@pytest.mark.parametrize(("family", "seed"), [("spring", 10), ("direction", 4), ("deadzone", 9)])
+def test_a_form_that_the_twin_does_not_have_accuses_no_sensor(
+    tmp_path: Path, family: str, seed: int
+) -> None:
+    """A drive that runs faster for the first time: "the sign of force looks turned", "speed looks
+    0.3048 times what it is"; a cart in its dead zone, whose x did not leap: "x looks 0.3048 times
+    what it is"."""
     place = draw.write("known", family, seed, tmp_path)
     with Twin.open(twin.twin_file(place)) as opened:
         result = opened.run([str(one) for one in sorted(place.glob("train_*.csv"))])

@@ -116,7 +116,9 @@ def _reading(rows: Rows) -> SensorChange | None:
         first, stop = _span(rows, one)
         first = at if at and abs(at - first) <= NEAR else _onset(rows, one, first)
         inputs = one.factors[: len(rows.setup.model.inputs)]
-        if contradicted(rows.setup, rows.windows, (first, stop), inputs):
+        if contradicted(rows.setup, rows.windows, (first, stop), inputs) or _tears(
+            rows, one, first
+        ):
             continue
         left = _plausible(rows, one, first, stop) and _left(rows, one, first, stop)
         if left:
@@ -170,6 +172,20 @@ def _helps(rows: Rows, one: Reading, first: int = 0) -> bool:
     here[places] = True
     known = here[:, None] & np.isfinite(after) & np.isfinite(rows.before)
     return rows.total(after, known) < HALF * rows.total(rows.before, known)
+
+
+def _tears(rows: Rows, one: Reading, first: int) -> bool:
+    """Read so, would an output of a model with states leap about row ``first`` as it never did?
+    What is recorded in another unit leaps where that begins; read rightly it does not."""
+    model, low, high = rows.setup.model, max(first - NEAR, 1), first + NEAR + 1
+    outputs = np.arange(len(model.inputs), len(one.moved))
+    which = outputs[one.moved[outputs] & ~model.outputs.angles]
+    near = rows.steps[low - 1 : high - 1, which]
+    if not len(model.states) or first < LEAST or one.exchanged or not np.isfinite(near).all():
+        return False
+    leaps = one.of(rows.values[low:high])[:, which] - rows.values[low - 1 : high - 1, which]
+    usual = np.nanmax(np.abs(rows.steps[:, which]), axis=0, initial=0.0)
+    return bool((np.abs(leaps).min(axis=0, initial=np.inf) > JUMP * usual).any())
 
 
 def _together(rows: Rows, one: Reading) -> int:
