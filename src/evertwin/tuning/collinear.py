@@ -33,6 +33,7 @@ from evertwin.models.corrected import Corrected
 from evertwin.tuning.advice import advise
 from evertwin.tuning.fit import Fit
 from evertwin.tuning.form_error import wrong_outputs
+from evertwin.tuning.identifiability import NULL
 from evertwin.tuning.problem import Problem
 from evertwin.tuning.sensitivity import Spectrum
 from evertwin.tuning.solver import solve
@@ -68,20 +69,21 @@ def told_apart(problem: Problem, fit: Fit) -> Fit:
         return fit
     found, stays = fit, dict[str, Alike]()
     while len(found.names) > 1:
-        alike = _last(problem, found)
-        if alike is None:
+        alike = _alike(problem, found)
+        if not alike:
             break
-        stays[alike.name] = alike
-        problem = problem.tuning(tuple(n for n in found.names if n != alike.name))
+        stays |= {one.name: one for one in alike}
+        problem = problem.tuning(tuple(n for n in found.names if n not in stays))
         found = solve(problem)
     return _whole(problem, fit, found, stays) if stays else fit
 
 
-def _last(problem: Problem, fit: Fit) -> Alike | None:
-    """The least simple parameter that a simpler one acts like."""
+def _alike(problem: Problem, fit: Fit) -> list[Alike]:
+    """Parameters of a map that simpler ones act like altogether; else the least simple one that
+    acts nearly so."""
     acting = problem.sensitivity(fit.values)
     if not acting.finite:
-        return None
+        return []
     optional = problem.start == 0
     order = np.lexsort((np.arange(len(fit.names)), optional))
     told = _parts(Spectrum.of(acting.information(fit.noise)), order)
@@ -93,10 +95,8 @@ def _last(problem: Problem, fit: Fit) -> Alike | None:
         wrong = wrong_outputs(problem, fit)
         refused = near & acting.acts[wrong].any(axis=0)
     mine = [k for k in order.tolist() if refused[k] and told[k][1] >= 0]
-    if not mine:
-        return None
-    part, beside = told[mine[-1]]
-    return Alike(fit.names[mine[-1]], fit.names[beside], part)
+    same = [k for k in mine if told[k][0] < NULL and not dynamic] or mine[-1:]
+    return [Alike(fit.names[k], fit.names[told[k][1]], told[k][0]) for k in same]
 
 
 def _parts(spectrum: Spectrum, order: np.ndarray) -> list[tuple[float, int]]:
