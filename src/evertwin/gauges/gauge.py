@@ -177,7 +177,7 @@ def _helps(rows: Rows, one: Reading, first: int = 0) -> bool:
 def _tears(rows: Rows, one: Reading, first: int) -> bool:
     """Read so, would an output of a model with states leap about row ``first`` as it never did?
     What is recorded in another unit leaps where that begins; read rightly it does not."""
-    model, low, high = rows.setup.model, max(first - NEAR, 1), first + NEAR + 1
+    model, low, high = rows.setup.model, max(first - NEAR, 1), min(first + NEAR + 1, rows.count)
     outputs = np.arange(len(model.inputs), len(one.moved))
     which = outputs[one.moved[outputs] & ~model.outputs.angles]
     near = rows.steps[low - 1 : high - 1, which]
