@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from evertwin.anomaly.kinematics import FEWEST, STRETCH
-from evertwin.fold import take
+from evertwin.gauges.change import split
 from evertwin.setup.setup import Setup
 from evertwin.setup.task import Windows
 from evertwin.types import Vector
@@ -27,7 +27,7 @@ def contradicted(setup: Setup, windows: Windows, rows: tuple[int, int], factors:
         if factors[position] == factors[speed]:
             continue
         ways = [_ways(setup, w.u[:, [position, speed]], w.dt, bool(angle))
-                for w in _between(windows, *rows)]  # fmt: skip
+                for w in split(split(windows, rows[1])[0], rows[0])[1]]  # fmt: skip
         if sum(len(one) for one in ways) < MOVES:
             continue
         went, said = np.concatenate(ways).T
@@ -45,17 +45,6 @@ def _ways(setup: Setup, u: np.ndarray, dt: Vector, angle: bool) -> np.ndarray:
     went = np.diff(np.unwrap(u[:, 0])[ends] if angle else u[ends, 0])
     found = np.stack([went, np.diff(way[ends])], axis=1)
     return np.asarray(found[np.isfinite(found).all(axis=1)])
-
-
-def _between(windows: Windows, first: int, stop: int) -> Windows:
-    """The windows of rows [first, stop), counted from the first of all."""
-    found, at = [], 0
-    for window in windows:
-        a, b = (min(max(edge - at, 0), len(window.t)) for edge in (first, stop))
-        at += len(window.t)
-        if b - a > 1:
-            found.append(take(window, a, b))
-    return tuple(found)
 
 
 def _apart(went: Vector, said: Vector) -> float:

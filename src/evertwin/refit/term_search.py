@@ -102,12 +102,13 @@ def with_terms(setup: Setup, work: Work, version: Version, problem: Problem) -> 
         tried.append(Formed(wider, found, proposal.form, search))
     # costs are in units of each fit's own noise: all alike, however much is left
     share = [_left(rule.outputs, without, one) for one in tried]
-    formed = tried[min(range(len(tried)), key=lambda k: (not tried[k].fit.converged, share[k]))]
+    best = min(range(len(tried)), key=lambda k: (not tried[k].fit.converged, share[k]))
+    formed = tried[best]
     left: list[Json] = [
         {"output": o, "without": a, "with": b} for o, a, b in _rms(without.fit, formed.fit)
     ]
     search |= {"tuned": left}
-    if not formed.fit.converged or _left(rule.outputs, without, formed) > 1.0 - GAIN:
+    if not formed.fit.converged or share[best] > 1.0 - GAIN:
         return replace(without, search=search)
     return formed
 

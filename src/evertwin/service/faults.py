@@ -60,6 +60,8 @@ class Faults:
             if signal in outputs.groups:
                 which |= outputs.group_of == outputs.groups.index(signal)
             for first, stop in spans:
-                within = (rows >= first) & (rows <= stop) if stop is not None else rows == rows
+                within = np.full(len(rows), stop is None)
+                if stop is not None:
+                    within = (rows >= first) & (rows <= stop)
                 found |= within[:, None] & which
         return found
