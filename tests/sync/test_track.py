@@ -191,6 +191,20 @@ def test_no_false_resets_in_24_hours_of_clean_data() -> None:
         assert kinds(out.records).count("measurement_error") < 60
 
 
+def test_noise_beyond_the_gate_by_chance_is_no_error_of_the_sensor() -> None:
+    """Of a hundred thousand samples some lie beyond four deviations; a spike is told of."""
+    model = FunctionModel(lambda x, u, dt, p: ([], [u[0]]), Layout.of(u="K"), Layout.of(T="K"))
+    told = []
+    for seed in range(3):
+        rng, n = np.random.default_rng(seed), 100_000
+        u = np.full((n, 1), 300.0)
+        y = u + rng.normal(0.0, 0.06, (n, 1))
+        y[70_000] += 1.0
+        _, out = fold(Track(model), [make_block(np.arange(n) * 10**9, u, y)])
+        told += [r.evidence["onset"] for r in out.records if r.kind == "measurement_error"]
+    assert told == [70_000] * 3
+
+
 def test_tolerance_updates_are_counted_and_are_no_resets() -> None:
     block = drive_rows(3, n=3000)
     rule = Rule(use="tolerance", tolerance=0.04, sigma=0.015)
@@ -388,6 +402,24 @@ def test_a_sensor_that_lost_its_response_is_not_followed(frozen: Any, stops: boo
         errors = [fold(stage, [b])[1].rows.y[1:, 0] - truth[1:] for b in (block, told)]
         worst.append(np.sqrt(np.mean(errors[0] ** 2) / np.mean(errors[1] ** 2)))
     assert np.median(worst) < 1.2 and max(worst) < 3.0
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_sensor_in_a_larger_unit_is_not_frozen(seed: int) -> None:
+    """A flow in m³/h for l/min: its noise is a sixteenth too, so its values lie near each other."""
+    rng, n = np.random.default_rng(seed), 1600
+    goal = np.repeat(rng.uniform(900.0, 2100.0, 20), 80)
+    speed = np.empty(n)
+    for k in range(n):
+        before = speed[k - 1] if k else goal[0]
+        speed[k] = before + min(max(goal[k] - before, -25.0), 25.0)
+    flow = 7e-7 * speed + rng.normal(0.0, 7e-6, n)
+    flow[800:1200] *= 0.06
+    model = FunctionModel(
+        lambda x, u, dt, p: ([], [7e-7 * u[0]]), Layout.of(n="rpm"), Layout.of(q="m^3/s")
+    )
+    _, out = fold(Track(model), [make_block(np.arange(n) * 10**9, speed[:, None], flow[:, None])])
+    assert "frozen" not in [r.evidence.get("cause") for r in out.records]
 
 
 def wrong_inputs(seed: int, factor: float, rows: slice) -> tuple[Block, np.ndarray]:

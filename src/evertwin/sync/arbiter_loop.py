@@ -12,7 +12,7 @@ import numpy as np
 from evertwin.compiled.functions import njit
 from evertwin.fold import Mark
 from evertwin.sync import places as at
-from evertwin.sync.factor_loop import blamed, persists, scaled, weigh
+from evertwin.sync.factor_loop import blamed, persists, scaled, weigh, weigh_anew
 from evertwin.sync.horizon_loop import wrapped
 from evertwin.sync.options import COLD, HOT
 from evertwin.sync.places import Cause, Finding
@@ -173,9 +173,10 @@ def contest(
             return ERROR, 0
         end_fault(memory, notes, g, now)
     agreed = full and agrees(settings, values, board, room, g, size)
-    # What left the vote without agreement was an error; told for all of them at once.
+    # What left the vote without agreement was an error, told for all of them at once; a few before
+    # an agreement were on the way to it.
     late = numbers[g, at.BATCH] - votes
-    if late > 0 and (agreed or late >= votes):
+    if late >= votes:
         span = (numbers[g, at.BATCH_ROW], numbers[g, at.LEFT], late)
         note(notes, memory, now, FOUND_ERROR, g, VOTE, span)
         numbers[g, at.BATCH_ROW], numbers[g, at.BATCH] = rows[0, g], votes
@@ -185,6 +186,7 @@ def contest(
         numbers[g, at.RESETS] += 1
         figures[g, at.OUTSIDE] = 0.0
         concede(limits, values, room, size)
+        weigh_anew(limits, values, board, room, size, votes)
         refresh(memory, notes, g, now)
         settle(limits, memory, sample, g, size, now[1], True, 1.0)
         return OVERRULED, RESET
@@ -267,6 +269,8 @@ def judge(
     if not outside and numbers[g, at.CONTEST] > 0 and started:
         outside = sides(limits, values, board, rules, room, g, size)
     if outside:
+        before = figures[g, at.LOUDEST] if numbers[g, at.BATCH] > 0 else 0.0
+        figures[g, at.LOUDEST] = max(before, ratio)
         verdict, done = contest(
             settings, memory, statistics, board, notes, sample, g, size, now, phase
         )

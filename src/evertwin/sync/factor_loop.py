@@ -50,6 +50,27 @@ def weigh(limits: Any, values: Any, j: int, y: float, expected: float) -> None:
 
 
 @njit(**COLD)
+def weigh_anew(limits: Any, values: Any, board: Any, room: Any, size: int, votes: int) -> None:
+    """Agreeing samples of an output that no state adopts overrule what was expected: they tell its
+    scale at once, as far as as much is expected of them as usual."""
+    ring, expected = board[0], board[4]
+    for k in range(size):
+        j = room[k]
+        if limits[j, at.ADOPTS] > 0:
+            continue
+        alike, square = 0.0, 0.0
+        for i in range(votes):
+            predicted = expected[i, j] - values[j, at.OFFSET]
+            alike += (expected[i, j] + ring[i, j]) * predicted
+            square += predicted * predicted
+        share = min(square, votes * values[j, at.EXPECTED])
+        if share > 0.0:
+            weight = share / (votes * values[j, at.EXPECTED])
+            scale = alike / square * values[j, at.EXPECTED]
+            values[j, at.ALIKE] += weight * (scale - values[j, at.ALIKE])
+
+
+@njit(**COLD)
 def in_scale(limits: Any, values: Any, j: int) -> bool:
     """Were trusted samples about as large as expected? A state that adopts them answers for it."""
     alike, expected = values[j, at.ALIKE], values[j, at.EXPECTED]

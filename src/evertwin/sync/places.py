@@ -65,10 +65,11 @@ HEARD, PAUSE, WIDENED = 33, 34, 35
 started anew; the longest of its newest pauses [ns], slowly forgotten; trusted samples before the
 variance was widened."""
 NUMBERS = 36
-SPREAD, INTERVAL, OUTSIDE, FACTOR, SOUND_BY = range(5)
+SPREAD, INTERVAL, OUTSIDE, FACTOR, SOUND_BY, LOUDEST = range(6)
 """Memory per group, numbers: variance of the state over that of the measurement; mean interval of
 trusted samples [ns]; share of contested samples; suspected factor; how much likelier it is that it
-is over."""
+is over; largest test ratio of the contested samples without verdict."""
+FIGURES = 6
 LOWEST, HIGHEST, BELIEVED, BY, OVER = range(5)
 """Memory per input: range of its believed values; the last one; suspected factor, 0: none, and
 how much likelier it is that it is over."""

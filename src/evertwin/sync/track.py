@@ -222,7 +222,7 @@ class Track:
         numbers = np.zeros((ng, at.NUMBERS), dtype=np.int64)
         numbers[:, [at.GOOD_AT, at.LAST_AT, at.HEARD]] = NEVER
         return TrackState(
-            x0.copy(), p, x0, values, numbers, np.zeros((ng, 5)), variance, counts,
+            x0.copy(), p, x0, values, numbers, np.zeros((ng, at.FIGURES)), variance, counts,
             np.zeros((at.LEARN, ny)), np.zeros((vote, ny)), np.zeros((vote, ny)),
             np.zeros((vote, ng), dtype=np.int64), np.zeros((vote, ng), dtype=np.int64),
             np.zeros((vote, ny)), np.zeros((nu, 5)), np.zeros((nu, 6), dtype=np.int64),

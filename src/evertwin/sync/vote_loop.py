@@ -17,6 +17,9 @@ from evertwin.sync.places import Cause, Finding
 
 ERROR, OVERRULED, RESTORED = int(Finding.ERROR), int(Finding.OVERRULED), int(Finding.RESTORED)
 VOTE = int(Cause.VOTE)
+LOUD = 1.5**2
+"""Test ratio from which on contested samples are told of: of Gaussian noise beyond four deviations
+every ten-thousandth sample is, beyond six none."""
 
 
 @njit(**COLD)
@@ -158,10 +161,17 @@ def widen(
 
 
 @njit(**COLD)
+def is_loud(rules: Any, memory: Any, g: int) -> bool:
+    """Are the contested samples without verdict more than a few of the sensor's own noise?"""
+    many = memory[1][g, at.BATCH] >= rules[g, at.VOTE]
+    return bool(many or memory[2][g, at.LOUDEST] > LOUD)
+
+
+@njit(**COLD)
 def end_contest(rules: Any, memory: Any, rows: Any, notes: Any, g: int, now: Any) -> None:
     """The contest is over without agreement: its samples were measurement errors."""
     numbers = memory[1]
-    if numbers[g, at.BATCH] > 0:
+    if numbers[g, at.BATCH] > 0 and is_loud(rules, memory, g):
         newest = rows[int(rules[g, at.VOTE]) - 1, g]
         span = (numbers[g, at.BATCH_ROW], newest, numbers[g, at.BATCH])
         note(notes, memory, now, ERROR, g, VOTE, span)
