@@ -31,7 +31,7 @@ GHOST = """async () => {
 }"""
 TRUST = """async () => {
   const { trust } = await import("/static/verdict.js");
-  const { quantity, unitOf } = await import("/static/words.js");
+  const { levelOf, quantity, unitOf } = await import("/static/words.js");
   const about = {
     state: "running", condition: "good", age: 0, parameters: [], asked: 0.01, refused: [],
     outputs: [{ name: "x", unit: "m" }], figures: { x: { unit: "m", rows: 99 } },
@@ -45,7 +45,8 @@ TRUST = """async () => {
   const tag = (one, champion, by) => trust({ ...about, ...one, champion }, by)[0];
   const tags = told.map((one) => [tag(one, 1, promoted), tag(one, 0)]);
   const rpm = unitOf({ unit: "rad/s", shown: { unit: "rpm", factor: Math.PI / 30 } });
-  return [tags, quantity(Math.PI, rpm)];
+  const warm = { unit: "K", shown: { unit: "degC", factor: 1, zero: 273.15, apart: "K" } };
+  return [tags, quantity(Math.PI, rpm), quantity(294.25, levelOf(warm)), quantity(2, unitOf(warm))];
 }"""
 VIEWS = ("live", "improvement", "events", "signals", "life", "engineering", "faults")
 ARM = """
@@ -326,8 +327,9 @@ def test_the_ghost_of_an_arm_goes_where_the_torques_differ(shown: Shown) -> None
 
 def test_nothing_is_trusted_that_is_off_or_not_checked(shown: Shown) -> None:
     """Whatever a trial had proved; and an output is told in the unit of its twin file."""
-    tags, told = shown.go("").evaluate(TRUST)
+    tags, told, *warm = shown.go("").evaluate(TRUST)
     assert tags[0] == ["Yes", "Yes"] and told == "30.0\u00a0rpm"
+    assert warm == ["21.1°C", "2.00\u00a0K"]
     assert all("Yes" not in both for both in tags[1:]), tags
 
 

@@ -59,6 +59,7 @@ class Beside:
         self.work, self.rng = work, np.random.default_rng(seed)
         self.condition = Condition({"log": math.inf}, 600.0, asked=True)
         self.k, self.x, self.v, self.kinds = 0, 0.0, 0.2, list[str]()
+        self.log: list[Any] = []
         self.heard: dict[int | None, str] = {None: "suspected"}
         """Kind of each event; an alarm need not have one yet."""
 
@@ -76,6 +77,7 @@ class Beside:
             said = self.work.fold(self.work.keep([Chunk("log", t, v)]))
             for _, event in said.events:
                 self.kinds.append(str(event["kind"]))
+                self.log.append(event)
                 self.heard[event["number"]] = str(event["kind"])
                 self.condition.heard(event)
             self.work.looked_at()
@@ -141,6 +143,49 @@ def test_an_alarm_whose_cause_is_over_has_returned_to_normal(tmp_path: Path, see
         again.looked(work.now)
         told = again.told(failed=False)
         assert told["condition"] == "good" and told["returned"]["reason"] == over["reason"]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_what_was_over_before_a_restart_is_over_though_something_else_is_out(
+    tmp_path: Path, seed: int
+) -> None:
+    """The log has no end of an alarm: what rows said in between tells it."""
+    (tmp_path / "site.toml").write_text(SITE)
+    (tmp_path / "cart.toml").write_text(TWIN + "editable = []\n")
+    (tmp_path / "store").mkdir()
+    plan = read_site(tmp_path / "site.toml").twins[0]
+    with closing(AtWork(plan, tmp_path / "store")) as work:
+        cart = Beside(work, seed)
+        cart.drive(300, 1.0)
+        first = cart.drive(150, 1.6)["alarm"]
+        said = next(e for e in cart.log if e["number"] == first["event"])["reason"]
+        assert cart.drive(500, 1.0)["condition"] == "good"
+        before = cart.drive(150, 0.6)
+        assert before["alarm"]["since"] > first["since"]
+        assert " is " in said and " is " not in cart.condition.in_past(said)
+    with closing(AtWork(plan, tmp_path / "store")) as work:
+        again = Condition({"log": math.inf}, asked=True)
+        again.came("log")
+        again.recalled((event for _, event in work.before), work.looks)
+        again.looked(work.now)
+        told = again.told(failed=False)
+        assert told["alarm"]["event"] == before["alarm"]["event"]
+        assert told["alarm"]["since"] > first["since"]
+        assert told["returned"]["event"] == first["event"] and " is " not in again.in_past(said)
+        assert abs(told["returned"]["over"] - before["returned"]["over"]) < 10 * 10**9
+
+
+def test_a_run_that_begins_anew_is_judged_by_its_own_rows() -> None:
+    condition = Condition({"log": math.inf}, asked=True)
+    condition.came("log")
+    frozen = {"cause": "frozen", "onset": 8000, "end": 9000}
+    condition.heard(event(1, "measurement_error", "frozen", signal="y", row=9000, evidence=frozen))
+    condition.heard(event(2, "abnormal", "x looks off by 3 K", row=9100))
+    condition.heard(event(3, "started", "run 2", row=0))
+    condition.looked(Now("held", first=10, since=7))
+    told = condition.told(failed=False)
+    assert (told["condition"], told["refused"], told["alarm"]) == ("good", [], None)
+    assert condition.in_past("X looks off by 3 K.") == "X looked off by 3 K."
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -220,6 +265,9 @@ def test_a_word_on_what_is_out_and_on_what_is_over() -> None:
     condition = Condition({"log": math.inf}, asked=True)
     condition.came("log")
     condition.heard(event(3, "suspected", "x is off"))
+    condition.heard(event(4, "labelled", evidence={"event": 9, "verdict": "false alarm"}))
+    assert condition.told(failed=False)["condition"] == "out_of_specification"  # of another event
+    condition.heard(event(4, "abnormal", "x is off"))
     condition.heard(event(4, "labelled", evidence={"event": 3, "verdict": "false alarm"}))
     condition.looked(Now("off", "x is off by more", "x", 1, 1, 2))
     assert condition.told(failed=False)["condition"] == "good"  # as a person said

@@ -110,11 +110,13 @@ def test_a_twin_tells_and_answers(tmp_path: Path, broker: int) -> None:
             assert set(rows["outputs"]["x"]) >= {"measured", "predicted", "residual", "sigma"}
             served.until(lambda status: status["twins"][0]["rows"] > 60)
             ask = {"id": 7, "whatif": {"speed": {"factor": 1.2}}}
-            for text in (json.dumps(ask), "no json", '{"id": 8, "whatif": {"sped": 1}}'):
+            wrong = "no json", '{"id": 8, "whatif": {"sped": 1}}', '{"id": 9}'
+            for text in (json.dumps(ask), *wrong):
                 panel.client.publish("hall/robot/ask", text, qos=1)
-            answers = [json.loads(a) for a in panel.wait("hall/robot/answer", 3)]
+            answers = [json.loads(a) for a in panel.wait("hall/robot/answer", 4)]
             by = {one["id"]: one for one in answers}
             assert by[7]["answer"]["schema"] == "evertwin.whatif/1"
+            assert "one table, not none" in by[9]["error"]
             assert "sped" in by[8]["error"] and "expected" in by[None]["error"]
             assert json.loads(panel.wait("hall/robot/health")[-1])["name"] == "robot"
             assert json.loads(panel.wait("hall/robot/events")[-1])["events"]

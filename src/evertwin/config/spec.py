@@ -132,6 +132,8 @@ class TwinSpec(Section):
     """Folder of the twin file; set when it is read."""
     file: Annotated[str, Hidden()] = field(default="", compare=False)
     """The twin file, as messages name it; set when it is read."""
+    contents: Annotated[str, Hidden()] = ""
+    """A hash of the files that its model is of; set by who asks whether they have changed."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

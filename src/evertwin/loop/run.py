@@ -43,7 +43,7 @@ SHARE = 20.0
 """A checkpoint waits at least this many times as long as copying the last one took."""
 ASIDE = {
     "name", "schema", "source", "array", "derive", "engine", "store", "indicator", "prognosis",
-    "work", "folder", "file",
+    "work", "folder", "file", "contents",
 }  # fmt: skip
 """Settings that do not change what the fold makes of rows."""
 

@@ -12,6 +12,7 @@ evertwin.errors.UsageError: no model 'robot', did you mean 'robot1d'?
 
 from __future__ import annotations
 
+import hashlib
 import inspect
 from collections.abc import Callable, Mapping
 from importlib.metadata import entry_points
@@ -96,6 +97,25 @@ def located(folder: str | Path, value: Any) -> Any:
     {'urdf': '/machines/arm.urdf', 'law': 'sign'}
     """
     return with_files(value, lambda name: str(Path(folder) / name))
+
+
+def contents(folder: str | Path, options: Mapping[str, Any]) -> str:
+    """A hash of what the files hold that options name; of one that is not there, of its name.
+
+    >>> contents("/machines", {"law": "sign"}) == contents("/robots", {})
+    True
+    """
+    found = hashlib.sha256()
+
+    def add(name: str) -> str:
+        path = Path(folder) / name
+        found.update(f"{name}\n".encode())
+        if path.is_file():
+            found.update(path.read_bytes())
+        return name
+
+    with_files(options, add)
+    return found.hexdigest()
 
 
 def _factory(kind: str) -> Callable[..., Model]:

@@ -152,9 +152,10 @@ class MqttOut:
         question: Any = None
         try:
             question = json.loads(payload)
-            (kind,) = [one for one in KINDS if one in question]
-            if not isinstance(question[kind], dict):
-                raise TypeError(f"{kind}: expected a table")
+            asked = [k for k in KINDS if isinstance(question, dict) and k in question]
+            if len(asked) != 1 or not isinstance(question[asked[0]], dict):
+                raise TypeError("one table, not " + (" and ".join(asked) or "none"))
+            kind = asked[0]
             told: dict[str, Any] = {"answer": await self._ask(kind, question[kind])}
         except (ValueError, TypeError, KeyError, RecursionError) as error:
             self._counts["refused"] += 1

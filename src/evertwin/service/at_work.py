@@ -24,13 +24,12 @@ from evertwin.outcome import View
 from evertwin.outcome.result import OutputFigures
 from evertwin.rows import Numbered
 from evertwin.service.faults import Faults
-from evertwin.service.off_now import Now, off_now, rows_of, told_now
+from evertwin.service.off_now import Now, looked_back, off_now, rows_of, told_now
 from evertwin.service.plan import Plan
 from evertwin.service.scene import scene_of
 from evertwin.signals import wrap
 from evertwin.signals.channels import same_turn
-from evertwin.signals.spoken import suited
-from evertwin.signals.units import conversion_of
+from evertwin.signals.spoken import as_recorded
 from evertwin.store import Estimate, Kept, SharedStore, SqliteStore
 from evertwin.store.archive import DAY, Day
 from evertwin.store.spec import StoreSpec
@@ -41,6 +40,8 @@ MOST = 256
 """Rows that are told at once."""
 BACK = (0, 2 * 10**9, 60 * 10**9)
 """Stretches [ns] behind the newest sample in which the clock of its source is looked for."""
+ALL = 200_000
+"""More rows than are known at any time."""
 LOOK, OFTEN = 50, 1.0
 """Rows, or seconds with a row, after which what came of it is told anew."""
 WORKERS = 1
@@ -115,6 +116,13 @@ class AtWork:
         self.going.ledger.now = int(view.t[-1]) if len(view.t) else 0
         self.before = self._news()
         """Events that the log had already."""
+
+    @property
+    def looks(self) -> Sequence[tuple[int, Now]]:
+        """How the live version did over all rows that are known still."""
+        setup, view = self.going.at_rate, self._sound(self.going.view(ALL))
+        asked = setup is not None and len(view.row) and np.isfinite(setup.requirement)
+        return looked_back(setup, view, self.going.outcome[1]) if setup and asked else ()
 
     @property
     def row(self) -> int:
@@ -214,12 +222,15 @@ class AtWork:
         setup, live = self.going.at_rate, self.twin.champion.number
         if setup is None:
             return self.going.judged
-        view = self.going.view(rows_of(setup))
-        lies = self._faults.at(view.row, self.twin.model)
-        self.now = off_now(setup, view._replace(off=np.where(lies, np.nan, view.off)), live, found)
+        self.now = off_now(setup, self._sound(self.going.view(rows_of(setup))), live, found)
         if self.now.judged in ("held", "off"):
             self._judged = live, self.now.judged
         return self._judged[1] if self._judged[0] == live else self.going.judged
+
+    def _sound(self, view: View) -> View:
+        """Rows without what predictions were off by while a sensor was in error."""
+        lies = self._faults.at(view.row, self.twin.model)
+        return view._replace(off=np.where(lies, np.nan, view.off))
 
     def newest_blocks(self, count: int) -> Sequence[Block]:
         """The newest rows, one block a task.
@@ -256,7 +267,7 @@ class AtWork:
         return {
             "champion": live.number, "pinned": self.twin.pinned, "model": self.spec.model.kind,
             "outputs": [
-                {"name": c.name, "unit": c.unit, "shown": _shown_in(c.unit, recorded)}
+                {"name": c.name, "unit": c.unit, "shown": as_recorded(c.unit, recorded)}
                 for c, recorded in zip(outputs, setup.recorded, strict=True)
             ],
             "inputs": [{"name": c.name, "unit": c.unit} for c in self.twin.model.inputs],
@@ -361,7 +372,7 @@ def shown(view: View, model: Model, which: np.ndarray) -> Mapping[str, Any]:
 
 
 def off(measured: Outputs, predicted: Outputs, model: Model) -> Outputs:
-    """Measured less predicted, angles the short way round."""
+    """Measured less predicted."""
     return wrap(measured - predicted, model.outputs.angles)
 
 
@@ -372,15 +383,6 @@ def told(number: int, record: Kept) -> Mapping[str, Any]:
         "number": number, "row": record.row, "time": record.time, "kind": record.kind,
         "signal": record.signal, "reason": record.reason, "evidence": plain(record.evidence),
     }  # fmt: skip
-
-
-def _shown_in(unit: str, recorded: str) -> Mapping[str, Any] | None:
-    """The unit of the twin file in which people are told of an output, and its size in SI; None:
-    that of SI, or one of its own parts, suits."""
-    name, factor = suited(0.0, unit, recorded)
-    other = name == recorded and recorded not in ("1", unit)
-    plain = other and conversion_of(recorded)[1] == 0.0
-    return {"unit": name, "factor": 1.0 / factor} if plain else None
 
 
 def _version(version: Any) -> Mapping[str, Any]:

@@ -22,7 +22,7 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -63,6 +63,8 @@ class Alarm:
     """The same as it is now; empty: as it was first."""
     label: str = ""
     """What a person said to it."""
+    events: tuple[int, ...] = ()
+    """Numbers of all that said so."""
 
     @property
     def told(self) -> dict[str, Any]:
@@ -112,9 +114,10 @@ class Condition:
         if kind == "labelled":
             self._labelled(event["evidence"])
         elif kind in OUT:
-            since = when if self._out is None else self._out.since
+            before = self._out
+            since, told = (when, ()) if before is None else (before.since, before.events)
             said = reason if signal in reason else named
-            self._out = Alarm(number, kind, said, row, since, signal)
+            self._out = Alarm(number, kind, said, row, since, signal, events=(*told, number))
             self._said[kind, signal] = said
         elif self._ends(kind, signal):
             self._over(when)
@@ -130,8 +133,26 @@ class Condition:
             lied = self._refused.pop((signal, _compared(event)), None)
             if lied is not None:
                 self._returned = lied.over(when)
+        elif kind == "started":  # rows are counted anew, and no sensor was judged yet
+            self._refused.clear()
+            if self._out is not None:
+                self._out.row = -1
         elif kind in ("alarm", "alarm_cleared"):
             self._alarm = reason if kind == "alarm" else ""
+
+    def recalled(
+        self, events: Iterable[Mapping[str, Any]], looks: Sequence[tuple[int, Now]]
+    ) -> None:
+        """What a process before left: all events, and how the rows of the newest run did between
+        them, each with its newest row. What was over then is over."""
+        events, waits = list(events), deque(looks)
+        new = max((k for k, event in enumerate(events) if event["kind"] == "started"), default=0)
+        for k, event in enumerate(events):
+            while waits and k > new and waits[0][0] < event["row"]:
+                self.looked(waits.popleft()[1])
+            self.heard(event)
+        for _, now in waits:
+            self.looked(now)
 
     def looked(self, now: Now) -> None:
         """How the live version does on its newest rows; what is out is over once a whole window of
@@ -173,7 +194,7 @@ class Condition:
         """A person's word on what is out holds until it is out anew."""
         number, verdict = int(said["event"]), str(said["verdict"])
         out = self._out
-        if out is not None and out.event is not None and number >= out.event:
+        if out is not None and number in out.events:
             out.label = verdict
         elif self._returned is not None and number == self._returned["event"]:
             self._returned["label"] = verdict

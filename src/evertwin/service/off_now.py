@@ -21,6 +21,8 @@ from evertwin.setup.setup import FEW, Setup
 from evertwin.types import Bool, Outputs, PerOutput
 
 Judged: TypeAlias = Literal["held", "off", "not yet", "nothing asked"]
+LOOKS = 8
+"""Looks at what is past in as many rows as it is judged on."""
 MOST = 4096
 """Newest rows that it is judged on at most."""
 
@@ -89,14 +91,16 @@ def off_now(setup: Setup, view: View, live: int, figures: Mapping[str, OutputFig
         return Now("nothing asked")
     others = np.flatnonzero(view.version != live)
     begin = int(others[-1]) + 1 if len(others) else 0
-    rows = slice(max(begin, len(view.row) - rows_of(setup)), None)
+    rows = slice(max(begin, _first(view, len(view.row), rows_of(setup))), None)
     if not len(view.row[rows]):
         return Now("not yet")
     off, size = view.off[rows], np.ones(len(setup.watched))
     counts = np.isfinite(off) & setup.moving(view.inputs[rows]) & (view.mark[rows] != Mark.EXTERNAL)
     if setup.relative:
         size = np.array([figures[name].size for name in setup.model.outputs.names])
-    seen, whole = Seen(off, counts, setup.watched, size), rows_of(setup)
+    # of rows long past some stand for all
+    whole = rows_of(setup) * len(off) // int(view.row[-1] - view.row[rows][0] + 1)
+    seen = Seen(off, counts, setup.watched, size)
     about = int(view.row[rows][0]), int(view.t[rows][0]), int(view.t[-1])
     if seen.samples.max() < min(FEW, whole):
         return Now("not yet", "", "", *about)
@@ -106,6 +110,24 @@ def off_now(setup: Setup, view: View, live: int, figures: Mapping[str, OutputFig
     name = setup.model.outputs.names[worst]
     is_off, limit = (setup.shown(worst, v) for v in (seen.deviation[worst], setup.requirement))
     return Now("off", f"{name} is off by {is_off} (limit {limit})", name, *about)
+
+
+def looked_back(
+    setup: Setup, view: View, figures: Mapping[str, OutputFigures]
+) -> list[tuple[int, Now]]:
+    """How the version of each time did, from look to look over all rows; with the newest row of
+    each."""
+    found, whole = [], rows_of(setup)
+    ends = np.arange(view.row[0], view.row[-1] + 1, max(whole // LOOKS, 1))[1:]
+    for end in np.searchsorted(view.row, ends).tolist():
+        part = View(*(column[_first(view, end, whole) : end] for column in view))
+        found.append((int(part.row[-1]), off_now(setup, part, int(part.version[-1]), figures)))
+    return found
+
+
+def _first(view: View, end: int, whole: int) -> int:
+    """Where ``whole`` rows before place ``end`` begin."""
+    return int(np.searchsorted(view.row, view.row[end - 1] - whole, side="right")) if end else 0
 
 
 def told_now(headline: str, now: Now, *, beyond: bool) -> str:

@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 
 from evertwin.config import TwinSpec, read
 from evertwin.errors import ConfigError, UsageError, nearest
+from evertwin.machines.catalog import contents
 from evertwin.publishers import registry as publishers
 from evertwin.publishers.contract import PublisherSettings
 from evertwin.service.site import NAME, SITE, SiteSpec, TwinEntry
@@ -125,7 +126,8 @@ def _plan(folder: Path, entry: TwinEntry, document: Document, k: int) -> Plan:
             said = f"the twin file has no source {one.source!r}; {nearest(one.source, known)}"
             raise ConfigError(f"{where}: {said}")
     if spec is not None:
-        spec = dataclasses.replace(spec, name=name)
+        of_files = contents(spec.folder, spec.model.options)
+        spec = dataclasses.replace(spec, name=name, contents=of_files)
     return Plan(name, entry, file, spec, told, out, wrong)
 
 

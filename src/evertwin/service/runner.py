@@ -125,8 +125,11 @@ class Runner:
         with self._guarded():
             if self.plan.spec is None:
                 raise UsageError(self.plan.wrong)
-            self.work = await self._inside(self._opened)
-            self._remember(self.work.before)
+            self.work = work = await self._inside(self._opened)
+            self.events.extend(work.before)
+            looks = await self._inside(lambda: work.looks)
+            self.condition.recalled((event for _, event in work.before), looks)
+            self.condition.looked(work.now)
             self.row = self.work.row
             newest = await self._inside(self.work.newest)
             around = Around(folder=Path(self.plan.spec.folder))

@@ -70,6 +70,20 @@ def suited(size: float, unit: str, recorded: str = "") -> tuple[str, float]:
     return next(((name, f) for least, name, f in steps if size >= least), (unit, 1.0))
 
 
+def as_recorded(unit: str, recorded: str) -> dict[str, str | float] | None:
+    """The unit of the twin file in which people are told of values, its size and zero in SI, and
+    that of differences; None: that of SI, or degrees, as a page has them.
+
+    >>> as_recorded("K", "degC"), as_recorded("m", "m")
+    ({'unit': 'degC', 'factor': 1.0, 'zero': 273.15, 'apart': 'K'}, None)
+    """
+    if recorded in ("", "1", unit) or (unit[:3] == "rad" and recorded[:3] == "deg"):
+        return None
+    factor, zero = conversion_of(recorded)
+    apart = unit if zero and factor == 1.0 else recorded
+    return {"unit": recorded, "factor": factor, "zero": zero, "apart": apart}
+
+
 def _digits(value: float) -> str:
     """Two digits; whole numbers from 100 on."""
     return f"{value:.0f}" if abs(value) >= 99.5 else f"{value:.2g}"

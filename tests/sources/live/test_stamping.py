@@ -81,6 +81,25 @@ def test_a_pause_in_a_file_is_no_clock_that_was_set() -> None:
     assert run(clock, rows) == [t for t, _ in rows] and clock.set == 0
 
 
+@pytest.mark.parametrize("jump", [-HOUR, -60 * S, -HOUR * 24 * 365])
+@pytest.mark.parametrize("speed", [1, 100])
+def test_a_file_whose_clock_was_set_back_is_gone_on_with_where_it_was(
+    jump: int, speed: int
+) -> None:
+    """It is read from its beginning after a restart, all at once."""
+    start = 1_800_000_000 * S
+    rows = [(start + i * S // 2 + (jump if i >= 40 else 0), i * S // 2 // speed) for i in range(90)]
+    whole: Stamping[None] = Stamping(arrives=False)
+    told = run(whole, rows)
+    assert len(told) == 90 and whole.set == 1 and (np.diff(told) > 0).all()
+    for cut in (30, 41, 44, 60, 89):
+        first, again = (Stamping[None](arrives=False) for _ in range(2))
+        before = run(first, rows[:cut])
+        again.resume(before[-1])
+        after = run(again, [(t, 10**6 * S) for t, _ in rows])
+        assert before + after == told
+
+
 def test_a_machine_that_stood_while_nobody_listened_starts_from_zero() -> None:
     clock: Stamping[None] = Stamping()
     clock.resume(5000 * S)

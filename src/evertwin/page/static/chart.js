@@ -169,6 +169,7 @@ export class Chart {
   #grid(pen, wide, high, low, top) {
     const { axis, box, looks } = this;
     const [factor, name] = scale(this.unit, Math.max(Math.abs(low), Math.abs(top)));
+    const from = this.unit?.from ?? 0;
     this.factor = factor;
     this.unitName = name;
     pen.font = "11px system-ui, sans-serif";
@@ -176,8 +177,8 @@ export class Chart {
     pen.strokeStyle = looks.getPropertyValue("--line");
     pen.fillStyle = looks.getPropertyValue("--quiet");
     pen.textAlign = "right";
-    for (const value of ticks(low / factor, top / factor, Math.max(3, Math.floor(high / 26)))) {
-      const y = Math.round(this.y(value * factor)) + 0.5;
+    for (const value of ticks((low - from) / factor, (top - from) / factor, Math.max(3, Math.floor(high / 26)))) {
+      const y = Math.round(this.y(value * factor + from)) + 0.5;
       stroke(pen, [[box.left, y], [wide - box.right, y]]);
       pen.fillText(trimmed(value), box.left - 5, y + 4);
     }
@@ -250,12 +251,13 @@ export class Chart {
 
   #tell() {
     const [a, b] = this.axis.cursors;
-    const say = (v) => (v === null ? "–" : `${number(v / this.factor)} ${this.unitName}`.trim());
+    const from = this.unit?.from ?? 0;
+    const say = (v) => (v === null ? "–" : `${number((v - from) / this.factor)} ${this.unitName}`.trim());
     const parts = this.lines.filter((line) => line.name).map((line) => {
       const one = h("span", { class: `key ${line.look}${line.dashed ? " dashed" : ""}` }, line.name);
       if (a === null) return one;
       const [va, vb] = [this.at(line, a), b === null ? null : this.at(line, b)];
-      const both = b === null ? say(va) : `A ${say(va)}  B ${say(vb)}  B−A ${va === null || vb === null ? "–" : say(vb - va)}`;
+      const both = b === null ? say(va) : `A ${say(va)}  B ${say(vb)}  B−A ${va === null || vb === null ? "–" : say(vb - va + from)}`;
       return [one, h("output", {}, both)];
     });
     const text = [this.title, this.unitName, ...this.axis.cursors].join();

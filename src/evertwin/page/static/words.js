@@ -9,12 +9,17 @@ const SCALES = {
   "rad/s": [[Math.PI / 180, "°/s"]],
 };
 
+const named = (unit) => unit.replace(/^deg(?=[CF]$)/, "°");
+
 /** The unit of an output: that of the twin file, where it names another than SI and its parts. */
 export const unitOf = (output) => output.shown ?? output.unit;
 
+/** The same for values themselves, which may be counted from another zero (°C); what lies apart is not. */
+export const levelOf = (output) => (output.shown?.zero ? { ...output.shown, apart: output.shown.unit, from: output.shown.zero } : unitOf(output));
+
 /** Factor and name of the unit in which so large a value is told; a third says from which size on. */
 export function scale(unit, size) {
-  if (unit?.factor) return [unit.factor, unit.unit];
+  if (unit?.factor) return [unit.factor, named(unit.apart ?? unit.unit)];
   const known = SCALES[unit];
   if (!known) return [1, unit === "1" ? "" : unit];
   return known.find(([factor, , least = factor]) => Math.abs(size) >= least) ?? known[known.length - 1];
@@ -36,7 +41,7 @@ export const trimmed = (v) => String(Number(v.toPrecision(6))).replace("-", "−
 export function quantity(value, unit, size = value) {
   if (value === null || value === undefined) return "–";
   const [factor, name] = scale(unit, size ?? 0);
-  return `${number(value / factor)}${name && !name.startsWith("°") ? "\u00a0" : ""}${name}`;
+  return `${number((value - (unit?.from ?? 0)) / factor)}${name && !name.startsWith("°") ? "\u00a0" : ""}${name}`;
 }
 
 /** How long ago. */

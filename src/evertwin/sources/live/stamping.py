@@ -98,7 +98,9 @@ class Stamping(Generic[T]):
 
     def resume(self, stamp: int) -> None:
         """Go on after the newest stamp that is stored."""
-        self.newest = self._resumed = stamp
+        self._resumed = stamp
+        if self.arrives:  # a file is read from its beginning: its clock is as it was then
+            self.newest = stamp
 
     def go_on(self, clock: tuple[int, ...]) -> bool:
         """With the clock that was kept (`lasting`): is it one that was set?"""
@@ -127,9 +129,8 @@ class Stamping(Generic[T]):
         moved = self.judged = stamp + self._shift
         if self._first is None:
             self._trusts(came)
-        stored = not self.arrives and self._resumed is not None and moved <= self._resumed
         again = bool(self._held) and stamp == self._held[-1][0]
-        if stored or again or self._repeats(moved, said):
+        if again or self._repeats(moved, said):
             self.repeated += 1
             return []
         if self._follows(moved, came):
@@ -202,8 +203,9 @@ class Stamping(Generic[T]):
     def _out(self, stamp: int, came: int, sample: Told[T]) -> list[tuple[int, T]]:
         late = came - stamp
         self._lead = late if self._lead is None else min(self._lead, late)
-        if self._resumed is not None and stamp <= self._resumed:
-            self.repeated += 1
+        stored = self._resumed is not None and stamp <= self._resumed
+        self.repeated += stored
+        if stored and self.arrives:
             return []
         if self._first is not None and self.newest is not None and stamp > self.newest:
             step = stamp - self.newest  # the median of all, as it goes
@@ -215,7 +217,7 @@ class Stamping(Generic[T]):
         self._known[stamp] = sample.said
         if len(self._known) > KNOWN:
             del self._known[next(iter(self._known))]
-        return [(stamp, sample.sample)]
+        return [] if stored else [(stamp, sample.sample)]
 
     def _believed(self) -> list[tuple[int, T]]:
         """What was held goes out: after a pause, or moved where the clock was set."""
@@ -226,8 +228,12 @@ class Stamping(Generic[T]):
         hurried = self._hurried(came) or span[0] > HURRIED * span[1] + FAR // 10
         told = self.arrives and not hurried
         if self.newest is not None and (told or not 0 < step <= _MONTH):
-            passed = 0 if self._lead is None else came - self._lead - self.newest
-            least = GAP if self._lead is None else int(self._step) if hurried else 1
+            passed = (
+                came - self._lead - self.newest if self._lead is not None and self.arrives else 0
+            )
+            # of a file it is by its rows alone: who reads it again finds the same
+            steps = hurried or not self.arrives
+            least = GAP if self._lead is None else int(self._step) if steps else 1
             self._shift = self.newest + max(passed, least, 1) - stamp
             self.set += 1
         self._lead = None

@@ -3,7 +3,7 @@
 import { Axis, Chart, fromPixels, fromRows } from "../chart.js";
 import { action, field, h, put, s, table } from "../dom.js";
 import { gains, less, verdict } from "../verdict.js";
-import { clock, count, number, quantity, scale, trimmed, unitOf } from "../words.js";
+import { clock, count, number, levelOf, quantity, scale, trimmed, unitOf } from "../words.js";
 import { ask, of } from "../wire.js";
 
 const SPAN = 120;
@@ -52,14 +52,14 @@ export function open({ twin, context }) {
     axis.newest(newest * 1e-9);
     const past = await ask(of(twin, `/history?first=${axis.first}&last=${axis.last}&width=1200&signal=${encodeURIComponent(name)}`));
     const part = (key) => () => [fromPixels(past, past.signals[name][key], Infinity)];
-    const unit = unitOf(about.outputs?.find((one) => one.name === name) ?? { unit: "1" });
+    const output = about.outputs?.find((one) => one.name === name) ?? { unit: "1" };
     const before = difference(past, name, "before");
     const lines = [{ name: "measured", look: "measured", parts: part("measured") }];
     if (about.champion) lines.push({ name: "before: by the first version", look: "before", parts: part("before") });
     lines.push({ name: "now: by the live version", look: "predicted", dashed: true, parts: part("predicted") });
     const off = [{ name: "now", look: "predicted", parts: part("residual") }];
     if (about.champion) off.unshift({ name: "before", look: "before", parts: () => [before] });
-    charts = [new Chart(axis, { title: name, unit, lines, height: 190 }), new Chart(axis, { title: `${name}: off by`, unit, zero: true, height: 120, lines: off })];
+    charts = [new Chart(axis, { title: name, unit: levelOf(output), lines, height: 190 }), new Chart(axis, { title: `${name}: off by`, unit: unitOf(output), zero: true, height: 120, lines: off })];
     axis.addEventListener("change", redraw);
     put(parts.picture, h("h2", {}, "Before and now, on the same rows"), charts.map((one) => one.element));
     redraw();
@@ -83,21 +83,23 @@ function rivals(twin) {
   const [one, other, output] = ["a", "b", "output"].map((id) => h("select", { id: `rival-${id}` }));
   const body = h("div");
   let charts = [];
+  let outputs = [];
   let asked = false;
 
   async function compare() {
     const found = await ask(of(twin, `/compare?a=${one.value}&b=${other.value}&signal=${encodeURIComponent(output.value)}`));
-    const unit = found.units[found.signal];
+    const shown = outputs.find((each) => each.name === found.signal) ?? { unit: found.units[found.signal] };
+    const unit = unitOf(shown);
     const axis = new Axis(Math.min(SPAN, (found.t.at(-1) - found.t[0]) * 1e-9));
     axis.newest(found.t.at(-1) * 1e-9);
     const line = (name, look, column, more = {}) => ({ name, look, parts: () => [fromRows(found, column)], ...more });
     const [a, b] = [`version ${found.a}`, `version ${found.b}`];
     charts = [
-      new Chart(axis, { title: found.signal, unit, height: 170, lines: [line("measured", "measured", found.measured), line(a, "before", found.predicted[0]), line(b, "predicted", found.predicted[1], { dashed: true })] }),
+      new Chart(axis, { title: found.signal, unit: levelOf(shown), height: 170, lines: [line("measured", "measured", found.measured), line(a, "before", found.predicted[0]), line(b, "predicted", found.predicted[1], { dashed: true })] }),
       new Chart(axis, { title: `${found.signal}: off by`, unit, zero: true, height: 130, lines: [line(a, "before", found.residual[0]), line(b, "predicted", found.residual[1])] }),
     ];
     axis.addEventListener("change", () => charts.forEach((each) => each.draw()));
-    put(body, charts.map((each) => each.element), h("p", {}, `Version ${found.b} is nearer at ${number(100 * found.better)} % of ${count(found.t.length, "row")}, each over the same rows.`), runs(found));
+    put(body, charts.map((each) => each.element), h("p", {}, `Version ${found.b} is nearer at ${number(100 * found.better)} % of ${count(found.t.length, "row")}, each over the same rows.`), runs(found, unit));
     charts.forEach((each) => each.draw());
     return `until ${clock(found.t.at(-1), true)}`;
   }
@@ -105,6 +107,7 @@ function rivals(twin) {
   const button = action("Compare", compare, { id: "compare" });
   const element = h("div", {}, h("h2", {}, "Version against version"), h("div", { class: "row" }, field("Version", one), field("against version", other), field("Output", output), button), body);
   return { element, redraw: () => charts.forEach((each) => each.draw()), show: (about) => {
+    outputs = about.outputs;
     const numbers = about.versions.map((each) => each.number);
     for (const [box, mine] of [[one, about.trial ? about.champion : 0], [other, about.trial?.version ?? (about.champion || numbers.at(-1))]]) {
       for (const number of numbers.slice(box.options.length)) box.append(h("option", { value: String(number) }, `${number}${number === 0 ? ", as configured" : ""}`));
@@ -116,9 +119,8 @@ function rivals(twin) {
 }
 
 /** What each run was off by, by both versions. */
-function runs(found) {
+function runs(found, unit) {
   const name = found.signal;
-  const unit = found.units[name];
   const size = Math.max(...found.runs.flatMap((run) => run.rms[name].filter((v) => v !== null)), 0) || 1;
   const said = (v) => (v === null ? "not measured" : h("span", { class: "measure" }, s("svg", { class: "share", viewBox: "0 0 100 10", preserveAspectRatio: "none", "aria-hidden": "true" }, s("rect", { width: 100, height: 10, class: "all" }), s("rect", { width: (100 * v) / size, height: 10 })), quantity(v, unit, size)));
   return table(`Run against run, ${clock(found.t[0], true)} to ${clock(found.t.at(-1), true)}: rms of what ${name} is off by`, ["run", `version ${found.a}`, `version ${found.b}`, "change", "rows"], found.runs.map((run) => {

@@ -4,7 +4,7 @@ import { Axis, Chart, fromPixels, fromRows } from "../chart.js";
 import { h, put, table } from "../dom.js";
 import { arm, exceeds, floor, leaning, robot, Scene } from "../scene.js";
 import { verdict } from "../verdict.js";
-import { age, clock, number, quantity, trimmed, unitOf } from "../words.js";
+import { age, clock, number, levelOf, quantity, trimmed, unitOf } from "../words.js";
 import { ask, of } from "../wire.js";
 
 const SPANS = [["30 s", 30], ["2 min", 120], ["10 min", 600], ["1 h", 3600], ["8 h", 28800]];
@@ -113,12 +113,12 @@ class Live {
   }
 
   #build() {
-    const unit = Object.fromEntries(this.about.outputs.map((one) => [one.name, unitOf(one)]));
+    const [unit, level] = [unitOf, levelOf].map((of) => Object.fromEntries(this.about.outputs.map((one) => [one.name, of(one)])));
     this.past = null;
     this.charts = this.memory.chosen.flatMap((name) => {
       const line = (key, look, title, more = {}) => ({ name: title, look, parts: () => this.#parts(name, key), ...more });
       return [
-        new Chart(this.axis, { title: name, unit: unit[name], lines: [
+        new Chart(this.axis, { title: name, unit: level[name], lines: [
           line("band", "band", "band (±2 σ)"), line("measured", "measured", "measured"),
           line("predicted", "predicted", "predicted", { dashed: true }), line("refused", "refused", "refused")] }),
         new Chart(this.axis, { title: `${name}: off by`, unit: unit[name], zero: true, height: 80, lines: this.#off(name, line) }),
@@ -204,10 +204,10 @@ class Live {
     const k = rows.t.length - 1;
     const last = (column) => column?.[k] ?? null;
     const lines = (this.about?.outputs ?? []).map((output) => {
-      const [name, unit] = [output.name, unitOf(output)];
+      const [name, unit, level] = [output.name, unitOf(output), levelOf(output)];
       const one = rows.outputs[name];
       const size = last(one?.measured) ?? last(one?.predicted) ?? 0;
-      return [name, quantity(last(one?.measured), unit, size), quantity(last(one?.predicted), unit, size), quantity(last(one?.residual), unit)];
+      return [name, quantity(last(one?.measured), level, size), quantity(last(one?.predicted), level, size), quantity(last(one?.residual), unit)];
     });
     const old = this.context.twins.find((one) => one.name === this.twin)?.age ?? null;
     put(this.values, table(`Newest row (${rows.newest}), ${age(old)}${old >= 1 ? " old" : ""}`, ["", "measured", "predicted", "off by"], lines));
