@@ -118,6 +118,18 @@ def test_no_twin_is_good_while_its_live_version_is_off(tmp_path: Path, seed: int
         assert told["condition"] == "good" and told["returned"]["reason"].startswith("x was off by")
 
 
+def test_a_twin_without_rows_says_what_it_waits_for(tmp_path: Path) -> None:
+    (tmp_path / "site.toml").write_text(SITE)
+    (tmp_path / "cart.toml").write_text(TWIN.replace("rate = 10\n", ""))
+    (tmp_path / "store").mkdir()
+    with closing(AtWork(read_site(tmp_path / "site.toml").twins[0], tmp_path / "store")) as work:
+        assert work.about["headline"] == "No rows yet."
+        work._when = 0.0
+        t = np.arange(20) * 60 * 10**9
+        work.fold(work.keep([Chunk("log", t, np.zeros((20, 2)))]))
+        assert "the first 64 tell how often they come, 20 did" in work.about["headline"]
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_an_alarm_whose_cause_is_over_has_returned_to_normal(tmp_path: Path, seed: int) -> None:
     """Without a label, and also after a process that was killed."""

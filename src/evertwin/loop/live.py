@@ -279,7 +279,11 @@ class Live:
     def outcome(self) -> tuple[str, Mapping[str, OutputFigures]]:
         """What came of it so far, in a sentence or a few, and the figures behind it."""
         if self._run is None or self._state is None:
-            return "No rows yet.", {}
+            rows = sum(len(part.t) for part in self._waiting)
+            told = (
+                f": the first {ENOUGH} tell how often they come, {rows} did, or [clock] rate does"
+            )
+            return f"No rows yet{told if rows else ''}.", {}
         setup, found = self._run.setup, self._observer.figures(self._state)
         said = headline(setup, found, self._succeeded, self._observer.events, self.trial)
         agenda, live = self._state.agenda, self._state.live.version

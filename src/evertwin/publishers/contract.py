@@ -16,6 +16,8 @@ from typing import Any, ClassVar, Literal, NamedTuple, Protocol, Self, TypeAlias
 from evertwin.settings.section import Section
 
 Kind: TypeAlias = Literal["whatif", "forecast", "life"]
+Told: TypeAlias = Literal["rows", "events", "health", "life"]
+"""What a twin tells of."""
 Ask: TypeAlias = "Callable[[Kind, Mapping[str, Any]], Awaitable[Mapping[str, Any]]]"
 """A question: a scenario's table, ``{"horizon": seconds}``, or nothing more; and its answer."""
 
@@ -39,7 +41,7 @@ class News(NamedTuple):
     """Something that a twin says. See the module for an example."""
 
     twin: str
-    kind: Literal["rows", "events", "health"]
+    kind: Told
     content: Mapping[str, Any]
     """Plain content: numbers, text, lists, no NaN."""
 

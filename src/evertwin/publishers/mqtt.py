@@ -2,7 +2,7 @@
 
 ``TOPIC/NAME/online`` is ``1`` while the twin is there; the broker sets it to ``0`` when the line
 ends without a goodbye. Rows go with QoS 0: the next ones come soon; events and answers with QoS 1,
-health is retained.
+health and lives are retained.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ with needs("live", "paho-mqtt"):
     from paho.mqtt.enums import CallbackAPIVersion
 
 LOG = logging.getLogger("evertwin.live")
-QOS = {"rows": 0, "events": 1, "health": 1}
+QOS = {"rows": 0, "events": 1, "health": 1, "life": 1}
 WAITING = 1000
 """Messages that wait for a broker at most."""
 LARGEST = 65_536
@@ -86,7 +86,7 @@ class MqttOut:
             self._counts["dropped"] += 1
             return
         text = json.dumps(news.content, allow_nan=False, separators=(",", ":"))
-        self._send(news.kind, text, QOS[news.kind], keep=news.kind == "health")
+        self._send(news.kind, text, QOS[news.kind], keep=news.kind in ("health", "life"))
 
     def _send(self, topic: str, text: str, qos: int, *, keep: bool = False) -> None:
         sent = self._client.publish(f"{self._base}/{topic}", text, qos=qos, retain=keep)

@@ -23,9 +23,9 @@ class MqttOutSettings(PublisherSettings):
     """Of the broker."""
     port: Annotated[int, Ge(1), Le(65535)] = 1883
     topic: str = "evertwin"
-    """What all topics begin with: ``TOPIC/NAME/rows``, ``/events``, ``/health``, ``/online``; a
-    question to ``/ask`` is answered at ``/answer``: ``{"id": 1, "whatif": {…}}``, ``forecast`` or
-    ``life``."""
+    """What all topics begin with: ``TOPIC/NAME/rows``, ``/events``, ``/health``, ``/online``,
+    ``/life`` (how long components last, after each new value); a question to ``/ask`` is answered
+    at ``/answer``: ``{"id": 1, "whatif": {…}}``, ``forecast`` or ``life``."""
     user: str = ""
     password: str = ""
     """Write ``${NAME}`` to take it from the environment."""

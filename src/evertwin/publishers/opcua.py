@@ -182,7 +182,7 @@ class OpcuaOut:
         elif news.kind == "health":
             await self._write("", "condition", str(content["condition"]))
             await self._write("", "stale", bool(content["stale"]))
-        else:
+        elif news.kind == "events":
             newest = content["events"][-1]
             await self._write("", "event", f"{newest['kind']}: {newest['reason']}")
         self._counts["sent"] += 1

@@ -71,7 +71,7 @@ class RosOut:
         elif news.kind == "events":
             newest = news.content["events"][-1]
             self._event = f"{newest['kind']}: {newest['reason']}"
-        else:
+        elif news.kind == "health":
             self._health(news.content)
 
     async def close(self) -> None:

@@ -97,7 +97,8 @@ class AtWork:
         self.twin = Twin(self.spec, store=kept, engine=None if shared is None else shared.share())
         self._estimates: dict[tuple[str, float], Estimate] = {}
         """The newest of each number's values: the live one need not be of the newest fit."""
-        self._read = 0
+        self._read = self.estimates = 0
+        """Entries of the log that are known; values of numbers in them."""
         self._faults = Faults()
         self._row = -1
         self._stored = 0.0
@@ -176,7 +177,7 @@ class AtWork:
             self.going.fold(one)
         rows, skipped = self._fresh(self.going.view(MOST))
         news = self._news()
-        often = rows is not None and time.monotonic() >= self._when + OFTEN
+        often = (rows is not None or not self.row) and time.monotonic() >= self._when + OFTEN
         if often or self.row >= self._looked + LOOK:
             self.looked_at()
         return Said(rows, skipped, news, self.row)
@@ -253,6 +254,7 @@ class AtWork:
             record = store.record(entry)
             if isinstance(record, Estimate):
                 self._estimates[record.name, record.value] = record
+                self.estimates += 1
             elif isinstance(record, Event):
                 found.append((entry.number, told(entry.number, record)))
                 self._faults.heard(record.kind, record.signal, record.row, record.evidence)
@@ -317,6 +319,12 @@ class AtWork:
         """
         event = self.twin.label(said)
         return event, Said(None, 0, self._news(), self.row)
+
+    def said(self, events: Sequence[Event]) -> Said:
+        """What was found beside its work goes into the log."""
+        row = self.going.ledger.row
+        self.going.ledger.say(*(dataclasses.replace(event, row=row) for event in events))
+        return Said(None, 0, self._news(), self.row)
 
     def old(self, days: int) -> Sequence[tuple[str, str, Sequence[str]]]:
         """Source, day and columns of samples that are older than the newest so many days."""

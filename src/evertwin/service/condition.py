@@ -87,7 +87,8 @@ class Condition:
         self._timeouts, self._stale, self._asked = timeouts, stale, asked
         self._newest: dict[str, float] = {}
         self._period: dict[str, float] = {}
-        self._alarm = ""
+        self._worn: dict[tuple[str, str], str] = {}
+        """Component and kind of alarm → why, of lives that are over or end soon."""
         self._out: Alarm | None = None
         self._returned: dict[str, Any] | None = None
         self._said: dict[tuple[str, str], str] = {}
@@ -138,7 +139,12 @@ class Condition:
             if self._out is not None:
                 self._out.row = -1
         elif kind in ("alarm", "alarm_cleared"):
-            self._alarm = reason if kind == "alarm" else ""
+            which = signal, str((event.get("evidence") or {}).get("kind", ""))
+            self._worn.pop(which, None)
+            if kind == "alarm":
+                self._worn[which] = reason
+        elif kind == "maintained":
+            self._worn = {one: why for one, why in self._worn.items() if one[0] != signal}
 
     def recalled(
         self, events: Iterable[Mapping[str, Any]], looks: Sequence[tuple[int, Now]]
@@ -223,8 +229,9 @@ class Condition:
             condition, why = "check", self._who(silent)
         elif out is not None:
             condition, why = "out_of_specification", out.now or out.reason
-        elif self._alarm or self._sensors(now):
-            condition, why = "maintenance_required", self._alarm or self._sensors(now)
+        elif self._worn or self._sensors(now):
+            told = *dict.fromkeys(self._worn.values()), self._sensors(now)
+            condition, why = "maintenance_required", "; ".join(filter(None, told))
         return {
             "condition": condition, "why": why, "stale": stale,
             "label": out.label if out and condition == "out_of_specification" else "",

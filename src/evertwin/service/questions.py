@@ -101,8 +101,11 @@ def _answered(spec: TwinSpec, asked: ScenarioSpec | float | None, rows: Block) -
         if isinstance(asked, ScenarioSpec):
             return twin.whatif(asked, rows).to_dict()
         if asked is None:
-            costs = spec.prognosis.components.values()
-            plans = any(cost.failure is not None for cost in costs)
-            planned = twin.plan(data=rows).to_dict() if plans else None
-            return {**twin.life(data=rows).to_dict(), "plan": planned}
+            return {**twin.life(data=rows).to_dict(), "plan": planned(twin, rows)}
         return twin.forecast(asked, rows).to_dict()
+
+
+def planned(twin: Twin, rows: Block) -> Mapping[str, Any] | None:
+    """The dates of maintenance; None where no costs are stated."""
+    costs = twin.setup.spec.prognosis.components.values()
+    return twin.plan(data=rows).to_dict() if any(c.failure is not None for c in costs) else None

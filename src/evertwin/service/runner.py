@@ -24,11 +24,12 @@ from evertwin.backoff import Backoff
 from evertwin.engine import Pool
 from evertwin.errors import EvertwinError, OwnershipLost, StoreUnwritable, UsageError
 from evertwin.fold import Chunk, Event
-from evertwin.publishers.contract import Kind, News, Publisher
+from evertwin.publishers.contract import Kind, News, Publisher, Told
 from evertwin.rows import Numbered
 from evertwin.service.archiving import keep_days
 from evertwin.service.at_work import AtWork, Said, place_of, told
 from evertwin.service.condition import Condition
+from evertwin.service.lives import tell_lives
 from evertwin.service.plan import Plan
 from evertwin.service.questions import answer
 from evertwin.service.queued import at_rest, together
@@ -150,6 +151,8 @@ class Runner:
             self._working = [asyncio.create_task(one) for one in every]
             if self.plan.entry.days is not None:
                 self._working.append(asyncio.create_task(keep_days(self, self.plan.entry.days)))
+            if self.plan.spec.indicator:
+                self._working.append(asyncio.create_task(tell_lives(self)))
             took = time.monotonic() - self.began
             after = f" after {took:.0f} s" if took > LONG else ""
             LOG.info("%s: running%s", self.name, after, extra={"twin": self.name})
@@ -316,7 +319,7 @@ class Runner:
         if self.work is not None:
             self.condition.looked(self.work.now)
 
-    def _out(self, kind: Literal["rows", "events", "health"], content: Mapping[str, Any]) -> None:
+    def _out(self, kind: Told, content: Mapping[str, Any]) -> None:
         for publisher in self.publishers:
             publisher.publish(News(self.name, kind, content))
 
@@ -347,6 +350,12 @@ class Runner:
         event, said = await self.ask(work)
         self._take(said)
         return told(said.events[-1][0] if said.events else 0, event)
+
+    async def lives(self, found: Mapping[str, Any]) -> None:
+        """How long its components last: alarms into the log, all of it to publishers."""
+        if found["events"]:
+            self._take(await self.ask(lambda work: work.said(found["events"])))
+        self._out("life", found["life"])
 
     async def answer(self, kind: Kind, question: Mapping[str, Any]) -> Mapping[str, Any]:
         """The answer to a question, from the newest rows."""

@@ -201,6 +201,25 @@ def test_a_clock_for_a_sequence_counts_nothing() -> None:
     assert source.health.losses == 0
 
 
+@pytest.mark.parametrize("rate", [100, 400])
+def test_a_machine_that_is_read_too_seldom_is_known_to_lose_samples(rate: int) -> None:
+    """No two that are read follow each other: that it counts is seen while one is read."""
+    began = time.monotonic()
+
+    def counts(a: bytes) -> bytes:
+        said = struct.pack(">f", int((time.monotonic() - began) * rate)) * (a[11] // 2)
+        return a[:4] + struct.pack(">HBBB", 3 + len(said), a[6], a[7], len(said)) + said
+
+    with server(counts) as port:
+        registers = {"speed": SPEED, "n": {"address": 3, "type": "float32"}}
+        source = machine(port, registers=registers, sequence="n", period="50 ms")
+        chunks = listen(source, lambda given: len(given) >= 100)
+    numbers = [int(chunk.v[0, 0]) for chunk in chunks]
+    missing = numbers[-1] - numbers[0] + 1 - len(numbers)
+    assert missing > 200 and abs(source.health.losses - missing) <= numbers[1] - numbers[0]
+    assert set(source.health.lost) == {FASTER}
+
+
 def test_swapped_words_are_named(caplog: pytest.LogCaptureFixture) -> None:
     with server(lambda a: right(a, 42.5)) as port:
         source = machine(port, registers={"speed": {**SPEED, "word_order": "little"}})

@@ -1,7 +1,9 @@
 """How many samples a machine made between two that were read, where it counts them.
 
 A column that changes with each sample may be a count or a time: it is a count where whole numbers
-follow each other, one by one, often enough. What it says of gaps before that is known is said then.
+follow each other, one by one, often enough: from sample to sample or, of a machine that goes on
+faster than it is read, in quick readings of the number alone. What it says of gaps before that is
+known is said then.
 
 >>> counted = Counted()
 >>> [counted.missing(number) for number in (7, 8, 9, 14, 15, 2, 3)]
@@ -28,6 +30,29 @@ class Counted:
         self._ones = 0
         self._waits = 0
         """Missing, if it counts."""
+        self._read = self._ticks = self._leaps = 0
+        """Quick readings, and between how many it went on by one, or by more."""
+
+    def within(self, before: Raw, after: Raw) -> None:
+        """The number in two quick readings. A clock that runs free moves in most.
+
+        >>> counted = Counted()
+        >>> for number in (4, 7, 12, 16):
+        ...     counted.within(number, number + (number > 10))
+        >>> [counted.missing(number) for number in (4, 7, 13, 17)]
+        [0, 2, 5, 3]
+        """
+        if isinstance(before, int | float) and isinstance(after, int | float):
+            self._read += 1
+            self._ticks += after - before == 1
+            self._leaps += after - before > 1
+
+    @property
+    def known(self) -> bool:
+        """Does it count?"""
+        moved = self._ticks + self._leaps
+        ticks = self._ticks >= ENOUGH and self._ticks > self._leaps and 2 * moved <= self._read
+        return self._ones >= ENOUGH or ticks
 
     def missing(self, number: Raw) -> int:
         """Samples between this one and the newest before it; none where the count began anew."""
@@ -38,7 +63,7 @@ class Counted:
             return 0
         self._ones += number - before == 1
         self._waits += int(number - before) - 1
-        if self._ones < ENOUGH:
+        if not self.known:
             return 0
         found, self._waits = self._waits, 0
         return found

@@ -22,6 +22,7 @@ import struct
 import time
 from collections.abc import AsyncIterator, Iterable
 from dataclasses import replace
+from itertools import pairwise
 from typing import NamedTuple
 
 from evertwin.errors import UsageError
@@ -41,6 +42,8 @@ LARGE = 1e12
 """Numbers beyond that, or below its inverse, are of no size that machines have."""
 LOG = logging.getLogger("evertwin.live")
 FASTER = "the machine went on faster than it was read: choose a shorter period"
+UNTOLD, LOOKS = 32, 16
+"""Samples after which is looked whether a machine counts them, in so many pauses between two."""
 TRIES = 3
 """Readings of one sample, where the machine goes on in between."""
 _CODES = {
@@ -90,7 +93,7 @@ class Modbus(Line):
         }
         self._units = self._factors(spec)
         self._before: bytes | None = None
-        self._count = Counted()
+        self._count, self._came = Counted(), 0
         self._measured = {str(channel.column) for channel in spec.channels.values()}
         self.astray: dict[str, str] = {}
         """Column whose number is of no size that machines have, unless its words are swapped."""
@@ -123,6 +126,7 @@ class Modbus(Line):
                 if columns is not None:
                     self._lost(columns)
                     yield columns
+                    await self._look(wire, due + 0.5 * self.machine.period)
                 due = await self._wait(due + self.machine.period)
         finally:
             wire.close()
@@ -136,6 +140,19 @@ class Modbus(Line):
             return due + missed * self.machine.period
         await asyncio.sleep(max(-behind, 0.0))
         return due
+
+    async def _look(self, wire: Wire, until: float) -> None:
+        """Does the machine count its samples, though no two that came follow each other?"""
+        sequence = self.machine.sequence
+        self._came += 1
+        if sequence is None or self._count.known or not UNTOLD < self._came <= UNTOLD + LOOKS:
+            return
+        at = self.machine.registers[sequence]
+        alone, numbers = Block(at.table, at.address, at.words), list[float | int]()
+        while time.monotonic() < until:
+            numbers.append(self._number(at, await self._read(wire, alone)))
+        for before, after in pairwise(numbers):
+            self._count.within(before, after)
 
     def _lost(self, columns: Columns) -> None:
         """What the machine said and nobody read: known where it counts samples, else by time."""
@@ -192,13 +209,16 @@ class Modbus(Line):
                 out[name] = bool(raw[k][start // 8] >> start % 8 & 1)
                 continue
             part = raw[k][2 * start : 2 * (start + register.words)]
-            value = number_of(register, part, self.machine.word_order, self.machine.byte_order)
+            value = self._number(register, part)
             if name in self._measured and name not in self.astray and not _plain(value):
                 self._swapped(name, register, part)
             factor, zero = self._units.get(name, (1.0, 0.0))
             plain = (factor, zero) == (1.0, 0.0)
             out[name] = value if plain else value * factor + zero
         return out
+
+    def _number(self, register: Register, part: bytes) -> float | int:
+        return number_of(register, part, self.machine.word_order, self.machine.byte_order)
 
     def _swapped(self, name: str, register: Register, part: bytes) -> None:
         """Says where other words first would read a number of a size that machines have."""
