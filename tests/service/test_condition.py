@@ -309,6 +309,18 @@ def test_what_was_over_stays_in_the_past_however_often_something_else_is_out() -
     assert condition.in_past("X looks off by +1.5 K.") == "X looks off by +1.5 K."
 
 
+def test_what_was_said_of_a_channel_and_is_refuted_is_over() -> None:
+    condition = Condition({"log": math.inf}, asked=True)
+    condition.came("log")
+    condition.heard(event(3, "abnormal", "the sign of x looks turned", signal="x"))
+    condition.heard(event(4, "normal", "y: fouling explains it", signal="y"))
+    assert condition.told(failed=False)["condition"] == "out_of_specification"
+    condition.heard(
+        event(5, "normal", "x is in doubt no longer", signal="x", evidence={"doubt": "x"})
+    )
+    assert condition.told(failed=False)["returned"]["reason"] == "the sign of x looked turned"
+
+
 def test_what_no_event_has_told_of_names_none() -> None:
     condition = Condition({"log": math.inf}, asked=True)
     condition.heard(event(126, "tuned"))

@@ -422,6 +422,23 @@ def test_a_sensor_in_a_larger_unit_is_not_frozen(seed: int) -> None:
     assert "frozen" not in [r.evidence.get("cause") for r in out.records]
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_a_factor_that_later_rows_refute_is_over(seed: int) -> None:
+    """A pump clogs to 0.305 of what it gave, as feet for metres would look, and opens by half."""
+    rng, n = np.random.default_rng(seed), 3000
+    speed = np.convolve(np.repeat(rng.uniform(900.0, 2100.0, 40), 80), np.ones(40) / 40.0, "valid")
+    share = np.repeat([1.0, 0.3048, 0.45], n // 3)
+    flow = 7e-7 * speed[:n] * share + rng.normal(0.0, 7e-6, n)
+    model = FunctionModel(
+        lambda x, u, dt, p: ([], [7e-7 * u[0]]), Layout.of(n="rpm"), Layout.of(q="m^3/s")
+    )
+    block = make_block(np.arange(n) * 10**9, speed[:n, None], flow[:, None])
+    _, out = fold(Track(model), [block])
+    over = [r.row for r in out.records if r.kind == "measurement_restored"]
+    assert len(over) == 1 and 2000 < over[0] < 2200
+    assert (out.rows.mark[2200:, 0] == Mark.OK).mean() > 0.95
+
+
 def wrong_inputs(seed: int, factor: float, rows: slice) -> tuple[Block, np.ndarray]:
     """A robot whose recorded command is off by a factor for some rows, and its true position."""
     block = drive_rows(seed)

@@ -252,14 +252,15 @@ class Decide:
         agenda = decision.state.agenda
         if answer.id != agenda.open or answer.version != decision.state.live.version:
             return
-        content: Any = in_doubt(decision, to_blame(decision, answer.content))
+        setup = self.follow.setup
+        content: Any = in_doubt(decision, setup, to_blame(decision, answer.content))
         waits = agenda.again > 0 and ("waits" in content or agenda.kind in ("state", "refine"))
         decision.remember(open=0, again=agenda.again if waits else 0)
         for event in content.get("events", ()):
             decision.say(event["kind"], event["signal"], event["reason"], event["evidence"])
         if content.get("refused"):
             names, *span = content["refused"]
-            model, nu = self.follow.setup.model, len(self.follow.setup.model.inputs)
+            model, nu = setup.model, len(setup.model.inputs)
             columns = [nu + model.outputs.index(name) for name in names]
             refuse(decision.state.ring, columns, *span)
         if content.get("tuned"):
@@ -276,9 +277,8 @@ class Decide:
         elif content.get("next") == "correct":
             self._ask(decision, "correct", {})
         elif agenda.kind == "state":
-            decision.remember(**in_vain(self.follow.setup, decision.state))
+            decision.remember(**in_vain(setup, decision.state))
         elif agenda.kind != "refine":
-            setup = self.follow.setup
             pause = setup.latency if waits else setup.holdoff
             if decision.state.agenda.doubt:  # all that is asked of it is whether it is over
                 pause *= PATIENT

@@ -10,7 +10,7 @@ import numpy as np
 from evertwin.gauges.sensor_change import unmeasured
 from evertwin.loop.decision import Decision
 from evertwin.loop.follow import EMPTY
-from evertwin.rows.ring import Rows
+from evertwin.rows.ring import Rows, called
 from evertwin.setup.setup import Setup
 from evertwin.setup.twin_state import PROBATION, TRIAL, WATCH, TwinState
 from evertwin.trial.gate import GateState
@@ -56,13 +56,15 @@ def opening(setup: Setup, state: TwinState, candidate: Mapping[str, Any]) -> Ope
     return Opening(trial, state.scores.scale, agenda.tried, said, evidence)
 
 
-def in_doubt(decision: Decision, content: Mapping[str, Any]) -> Mapping[str, Any]:
+def in_doubt(decision: Decision, setup: Setup, content: Mapping[str, Any]) -> Mapping[str, Any]:
     """The content of an answer, without what was learned while a channel is in doubt.
 
     What tells a sensor from the machine are rows from before; once no window has them any more,
     the rows alone would have the machine learn what its sensor says. The doubt lasts until the
-    live version fits again, or a person says what it was.
+    live version fits again, later rows refute it, or a person says what it was.
     """
+    if content.get("cleared") and driven(setup, decision.state.ring):
+        return _cleared(decision, setup)
     agenda, number = decision.state.agenda, decision.state.other.version
     channel = content.get("sensor", "")
     over = content.get("refused") is not None
@@ -78,7 +80,21 @@ def in_doubt(decision: Decision, content: Mapping[str, Any]) -> Mapping[str, Any
         decision.state = decision.state._replace(other=EMPTY)
         decision.remember(phase=WATCH)
     decision.remember(doubt=channel if content["lasts"] and not over else "")
+    decision.remember(doubted=float(content["events"][-1]["evidence"]["number"]))
     return {**content, "events": []} if again and not (over or content["lasts"]) else content
+
+
+def _cleared(decision: Decision, setup: Setup) -> Mapping[str, Any]:
+    """Later rows refute what was said of a channel: what is off on them may be learned."""
+    channel, row = decision.state.agenda.doubt, decision.state.row
+    since = max(decision.state.agenda.since, row - setup.enough)
+    said = (
+        f"{channel} is in doubt no longer: read as was said, {called(since)} and later would be "
+        "far worse off than as they were recorded"
+    )
+    decision.say("normal", channel, said, {"doubt": channel})
+    decision.remember(doubt="", accused="", since=since)
+    return {"events": []}
 
 
 def driven(setup: Setup, rows: Rows) -> bool:

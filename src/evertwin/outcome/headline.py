@@ -153,8 +153,14 @@ def _last(events: Sequence[Event], kind: str) -> list[Event]:
 
 def _of_a_sensor(events: Sequence[Event]) -> str:
     """What was said last of a channel that is not what it was, or is said to be; else nothing."""
-    last = next((e for e in reversed(events) if e.kind in ("abnormal", "promoted")), None)
+    said = (e for e in reversed(events) if e.kind in ("abnormal", "promoted") or _clears(e))
+    last = next(said, None)
     return last.reason if last is not None and "number" in last.evidence else ""
+
+
+def _clears(event: Event) -> bool:
+    """Does it take back what was said of a channel?"""
+    return event.kind == "normal" and "doubt" in event.evidence
 
 
 def _contacts(events: Sequence[Event]) -> tuple[int, list[Event]]:

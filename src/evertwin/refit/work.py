@@ -19,9 +19,10 @@ from evertwin.anomaly.verdict import Verdict, explained
 from evertwin.config.spec import TwinSpec
 from evertwin.errors import DataError, ModelError, TooFew, UsageError
 from evertwin.fold import plain
-from evertwin.gauges.change import suddenly
+from evertwin.gauges.change import split, suddenly
 from evertwin.gauges.gauge import at_once
 from evertwin.gauges.misread import misread
+from evertwin.gauges.refuted import refuted
 from evertwin.gauges.silent import silent
 from evertwin.gauges.stuck import stuck
 from evertwin.ledger.versions import Versions
@@ -105,12 +106,21 @@ class Work(Tuner):
             self._refuse(task, content)
             if task.rival is not None and not (content.get("candidate") or {}).get("brief"):
                 content = self._surpassing(task, task.rival, content)
+            if task.kind == "fit" and task.doubt[0]:
+                content["cleared"] = self._cleared(task)
         except TooFew as error:
             # not a verdict on anything: more rows come
             content = {"events": [], "waits": str(error)}
         except (DataError, ModelError, UsageError) as error:
             content = undone(task.kind, error)
         return plain(content)  # type: ignore[return-value]
+
+    def _cleared(self, task: Task) -> str:
+        """The channel in doubt, if the newest rows tell that it is read rightly."""
+        names, count = self.editable(task.version), sum(len(one.t) for one in task.windows)
+        rows = split(task.windows, max(count - self.setup.enough, 0))[1]
+        pose = partial(self.problem, task.version, names=names)
+        return task.doubt[0] if refuted(self.setup, pose, rows, task.doubt) else ""
 
     def _refuse(self, task: Task, content: dict[str, Any]) -> None:
         """A candidate that is not physical on its rows is none, and an event says why."""

@@ -179,7 +179,8 @@ class Condition:
         out = self._out
         valid = kind == "valid" and out is not None and out.kind == "not_valid"
         valid = valid and out is not None and out.signal == signal
-        return valid or kind in SOUND or (kind == "normal" and not self._asked)
+        clears = kind == "normal" and (not self._asked or bool(out and out.signal == signal))
+        return valid or kind in SOUND or clears
 
     def _over(self, when: int) -> None:
         """The cause of what was out is gone."""

@@ -15,7 +15,7 @@ class Task(NamedTuple):
 
     >>> Task._fields
     ('kind', 'version', 'windows', 'tunings', 'held', 'waits', 'rival', 'commissioned',
-    'cause', 'earlier', 'replaced')
+    'cause', 'earlier', 'replaced', 'doubt')
     """
 
     kind: str
@@ -40,3 +40,5 @@ class Task(NamedTuple):
     """Rows that are kept from before these: how channels usually go."""
     replaced: Version | None = None
     """The one before the version, by rows that neither had seen."""
+    doubt: tuple[str, float] = ("", 1.0)
+    """Channel in doubt, and recorded over what it was said to be; empty: none."""

@@ -121,6 +121,8 @@ class Agenda(NamedTuple):
     """Elapsed time at which it was last said what is followed in the stream [ns]."""
     doubt: str = ""
     """Channel in doubt by rows from before, which newer ones do not tell of; empty: none."""
+    doubted: float = 1.0
+    """Recorded over what it was said to be."""
     accused: str = ""
     """Channel that was told last not to be what it was, by a doubt that each window tells anew."""
     cause: str = ""

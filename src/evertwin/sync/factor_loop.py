@@ -36,9 +36,11 @@ FOLLOWED = 0.2
 
 @njit(**COLD)
 def allowed(rules: Any, values: Any, g: int, j: int, growth: float) -> float:
-    """How far a sound value may be off: the gate, and a tenth of what was predicted to move."""
+    """How far a sound value may be off: the gate, and a tenth of what was predicted to move; of an
+    output that no state adopts no more than of its usual size, however long it went to and fro."""
     gate = rules[g, at.GATE] * np.sqrt(values[j, at.BASE] * growth)
-    return float(gate + 0.1 * values[j, at.PATH])
+    size = np.sqrt(values[j, at.EXPECTED]) if values[j, at.EXPECTED] > 0.0 else np.inf
+    return float(gate + 0.1 * min(values[j, at.PATH], size))
 
 
 @njit(**HOT)
@@ -86,7 +88,7 @@ def persists(settings: Any, memory: Any, sample: Any, g: int, size: int, growth:
     that spoke for the factor; it is over from `OVER` on. How far the prediction has drifted by now
     is known from measured/f, and the same for both: so a passage through zero, where both explain
     a row, ends nothing. The step of a coarse sensor comes behind the factor, and measured/f is off
-    by as much of it.
+    by as much of it. Rows that neither explains speak against the factor, too.
     """
     limits, rules, _ = settings
     values, _, figures = memory
@@ -102,6 +104,8 @@ def persists(settings: Any, memory: Any, sample: Any, g: int, size: int, growth:
         factor = 0.5 * spoken * spoken / (values[j, at.BASE] * rounded)
         factor += math.log(abs(f) * math.sqrt(rounded))
         gain += factor - 0.5 * plain * plain / values[j, at.BASE]
+    if not held:  # by neither: as many rows as a vote has end what is no longer so
+        gain = max(gain, OVER / rules[g, at.VOTE])
     gain = min(max(gain, -CLEAR), OVER)
     held = held and gain < CLEAR
     figures[g, at.SOUND_BY] = max(0.0, figures[g, at.SOUND_BY] + gain)
