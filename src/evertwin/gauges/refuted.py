@@ -10,6 +10,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from evertwin.fold import Block
+from evertwin.gauges.constant import STEP
 from evertwin.gauges.gauge_rows import FAR, LEAST, unchanged
 from evertwin.gauges.misread import possible
 from evertwin.gauges.sensor_change import unmeasured
@@ -17,36 +19,81 @@ from evertwin.setup.setup import Setup
 from evertwin.setup.task import Windows
 from evertwin.tuning import Problem
 from evertwin.tuning.assemble import rms
+from evertwin.types import Outputs
 
 CLEARLY = 2.0
 """So many times the squared deviation each such reading has to leave."""
+
+
+HALF = 0.5
+"""Share of the squared deviation that a constant, or a share, leaves at most if it is there."""
+ROUNDS = 2
+"""Steps to a constant."""
 
 
 @unmeasured()
 def refuted(
     setup: Setup, pose: Callable[[Windows], Problem], windows: Windows, doubt: tuple[str, float]
 ) -> bool:
-    """Would every reading of a channel by such a number leave clearly more than none does?
+    """Would every reading of a channel by such a number leave clearly more than none does; or does
+    no constant explain what is off?
 
     Args:
         setup: of the twin.
         pose: the version as it is, on some rows.
         windows: rows that came after it was said.
-        doubt: channel, and recorded over what fits.
+        doubt: channel, and recorded over what fits; 1: it is off by a constant, or a share.
     """
-    (name, number), model, found = doubt, setup.model, False
+    (name, number), model = doubt, setup.model
     before = unchanged(pose(windows))
-    size = rms(before)
-    if np.isfinite(before).any(axis=1).sum() < LEAST:
+    size, nu = rms(before), len(model.inputs)
+    if np.isfinite(before).any(axis=1).sum() < LEAST or number == 0.0:
         return False
-    off = float(np.nansum(np.square(before / size)))
+    if number == 1.0:
+        k = [c.name for c in (*model.inputs, *model.outputs)].index(name)
+        shares = [_constant(pose, windows, k, nu, scaled=one) for one in (False, True)]
+        return min(shares) > HALF
+    found = False
     for one in possible(setup, model):
         if name not in one.channels or not np.isclose(one.number, number, rtol=1e-3):
             continue
-        factors = np.where(model.outputs.angles, 1.0, one.factors[len(model.inputs) :])
+        factors = np.where(model.outputs.angles, 1.0, one.factors[nu:])
         left = unchanged(pose(tuple(one.undone(window) for window in windows))) / factors
         left = np.where(np.isfinite(before) & ~np.isfinite(left), FAR * size, left)
-        if not float(np.nansum(np.square(left / size))) > CLEARLY * off:
+        if not _total(left / size) > CLEARLY * _total(before / size):
             return False
         found = True
     return found
+
+
+def _constant(
+    pose: Callable[[Windows], Problem], windows: Windows, k: int, nu: int, *, scaled: bool
+) -> float:
+    """Share of the squared deviation that the best constant, or share, of column ``k`` leaves."""
+
+    def left(by: float) -> Outputs:
+        return unchanged(pose(tuple(_without(window, k, nu, by, scaled) for window in windows)))
+
+    here, shift = left(0.0), 0.0
+    size, first = rms(here), _total(here / rms(here))
+    column = np.concatenate([np.concatenate([one.u, one.y], axis=1)[:, k] for one in windows])
+    step = STEP if scaled else STEP * max(float(np.nanmax(np.abs(column))), 1e-300)
+    for _ in range(ROUNDS):
+        slope, off = (left(shift + step) - here) / step / size, here / size
+        known = np.isfinite(slope) & np.isfinite(off)
+        power = float(np.sum(slope[known] ** 2))
+        shift -= float(np.sum(slope[known] * off[known])) / power if power > 0.0 else 0.0
+        here = left(shift)
+    return _total(here / size) / first if first > 0.0 else 1.0
+
+
+def _without(window: Block, k: int, nu: int, by: float, scaled: bool) -> Block:
+    """Rows without a constant, or a share, of a column."""
+    u, y = window.u.copy(), window.y.copy()
+    side, column = (u, k) if k < nu else (y, k - nu)
+    side[:, column] = side[:, column] / (1.0 + by) if scaled else side[:, column] - by
+    return window._replace(u=u, y=y)
+
+
+def _total(left: Outputs) -> float:
+    return float(np.nansum(np.square(left)))

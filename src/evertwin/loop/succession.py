@@ -63,12 +63,12 @@ def in_doubt(decision: Decision, setup: Setup, content: Mapping[str, Any]) -> Ma
     the rows alone would have the machine learn what its sensor says. The doubt lasts until the
     live version fits again, later rows refute it, or a person says what it was.
     """
-    if content.get("cleared") and driven(setup, decision.state.ring):
-        return _cleared(decision, setup)
     agenda, number = decision.state.agenda, decision.state.other.version
     channel = content.get("sensor", "")
     over = content.get("refused") is not None
     if agenda.doubt and not (over and channel == agenda.doubt):
+        if content.get("cleared") and driven(setup, decision.state.ring):
+            _cleared(decision, setup)
         return {"events": []}  # what was said first was said by most rows from before
     again, accused = channel and channel == agenda.accused, "" if over else channel
     decision.remember(accused=accused if "fit" in content or channel else agenda.accused)
@@ -84,17 +84,13 @@ def in_doubt(decision: Decision, setup: Setup, content: Mapping[str, Any]) -> Ma
     return {**content, "events": []} if again and not (over or content["lasts"]) else content
 
 
-def _cleared(decision: Decision, setup: Setup) -> Mapping[str, Any]:
+def _cleared(decision: Decision, setup: Setup) -> None:
     """Later rows refute what was said of a channel: what is off on them may be learned."""
     channel, row = decision.state.agenda.doubt, decision.state.row
     since = max(decision.state.agenda.since, row - setup.enough)
-    said = (
-        f"{channel} is in doubt no longer: read as was said, {called(since)} and later would be "
-        "far worse off than as they were recorded"
-    )
+    said = f"{channel} is in doubt no longer: rows from {called(since)} on refute what was said"
     decision.say("normal", channel, said, {"doubt": channel})
     decision.remember(doubt="", accused="", since=since)
-    return {"events": []}
 
 
 def driven(setup: Setup, rows: Rows) -> bool:
