@@ -47,8 +47,9 @@ def refuted(
     (name, number), model = doubt, setup.model
     before = unchanged(pose(windows))
     size, nu = rms(before), len(model.inputs)
-    if np.isfinite(before).any(axis=1).sum() < LEAST or number == 0.0:
-        return False
+    few = np.isfinite(before).any(axis=1).sum() < LEAST
+    if few or number == 0.0 or not set(model.states.names) <= set(model.outputs.names):
+        return False  # what is hidden is known from before alone
     if number == 1.0:
         k = [c.name for c in (*model.inputs, *model.outputs)].index(name)
         shares = [_constant(pose, windows, k, nu, scaled=one) for one in (False, True)]
