@@ -100,6 +100,28 @@ def test_a_file_whose_clock_was_set_back_is_gone_on_with_where_it_was(
         assert before + after == told
 
 
+@pytest.mark.parametrize("jump", [-5, -9])
+@pytest.mark.parametrize("down", [1, 3])
+def test_a_machine_that_is_polled_and_was_set_back_a_little_repeats_nothing(
+    jump: int, down: int
+) -> None:
+    """Over a restart, within the time that a broker would send again what it has sent."""
+    start, step = 1_800_000_000 * S, S // 4
+    rows = [(start + k * step, start + k * step + 10**7, k) for k in range(200)]
+    first, again = Stamping[int](), Stamping[int]()
+    before = heard(first, rows[:80])
+    clock = first.lasting()
+    again.polled = True
+    again.resume(before[-1][0])
+    if clock is not None:
+        again.go_on(clock)
+    later = [(t + jump * S, came, k) for t, came, k in rows[80 + 4 * down :]]
+    after = heard(again, later)
+    assert [k for _, k in after] == list(range(80 + 4 * down, 200))
+    assert again.repeated == again.rejected == 0 and again.set == 1
+    assert after[0][0] > before[-1][0] and set(np.diff([t for t, _ in after]).tolist()) == {step}
+
+
 def test_a_machine_that_stood_while_nobody_listened_starts_from_zero() -> None:
     clock: Stamping[None] = Stamping()
     clock.resume(5000 * S)

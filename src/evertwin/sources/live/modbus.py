@@ -84,6 +84,7 @@ class Modbus(Line):
     def __init__(self, settings: ModbusSettings, spec: SourceSpec, around: Around) -> None:
         super().__init__(settings, spec)
         self.machine = settings
+        self.decoder.clock.polled = True
         self.blocks = blocks_of(settings.registers.values())
         self._places = {
             name: (k, register)

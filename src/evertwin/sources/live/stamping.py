@@ -67,6 +67,9 @@ class Stamping(Generic[T]):
     def __init__(self, *, arrives: bool = True) -> None:
         self.arrives = arrives
         """Do times of arrival mean anything? Not for files that are read as fast as they can."""
+        self.polled = False
+        """Is nothing that came sent again, as brokers do? Then what is behind it after a start is a
+        clock that was set."""
         self.newest: int | None = None
         self.judged: int | None = None
         """Stamp of the last sample, on the clock that goes out."""
@@ -176,7 +179,8 @@ class Stamping(Generic[T]):
             return False
         if self.newest is None:
             return not self.arrives or stamp <= came + _DAY
-        if stamp < self.newest - FAR:
+        behind = 0 if self.polled and self._first is None else FAR
+        if stamp < self.newest - behind:
             return False
         if not self.arrives or self._hurried(came):
             return stamp <= self.newest + max(FAR, min(int(STEPS * self._step), _MONTH))
