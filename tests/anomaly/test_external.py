@@ -85,6 +85,17 @@ def test_what_lasts_counts_again() -> None:
     assert stage.beat(state)[1].lasts == -1
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_a_push_is_told_that_begins_with_one_axis_motion_and_ends_with_anothers(seed: int) -> None:
+    """Of neither axis it is: what begins with a motion and ends with one of the same is."""
+    by = np.zeros((4000, 2))
+    by[1755:1880], by[1755:1790, 1] = 0.8, 0.0  # one turns at 1750 and 2100, the other at 1875
+    contact = found(off(swings(seed=seed), by))[0]
+    assert contact is not None and contact.outputs == ("a", "b")
+    by[1755:2105], by[:, 1] = 0.8, 0.0
+    assert found(off(swings(seed=seed), by))[0] is None
+
+
 def standing(push: np.ndarray, friction: float = FRICTION) -> Seen:
     n = len(push)
     off, still = np.maximum(np.abs(push) - friction, 0.0)[:, None], np.zeros((n, 1), np.bool_)

@@ -101,6 +101,37 @@ def test_an_arm_gets_its_accelerations_derived(call: Command, folder: Path) -> N
     assert call("run", "arm.toml").code == 0
 
 
+def test_a_gantry_is_read_by_the_letters_of_its_axes(call: Command, folder: Path) -> None:
+    parts, parent = [], "base"
+    for k, axis in enumerate(("1 0 0", "0 1 0", "0 0 1")):
+        parts.append(
+            f'<link name="l{k}"><inertial><mass value="9"/><inertia ixx="1" iyy="1" izz="1" '
+            f'ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="j{k}" type="prismatic">'
+            f'<parent link="{parent}"/><child link="l{k}"/><axis xyz="{axis}"/>'
+            '<limit lower="-2" upper="2" effort="900" velocity="2"/></joint>'
+        )
+        parent = f"l{k}"
+    said = f'<robot name="gantry"><link name="base"/>{"".join(parts)}</robot>'
+    (folder / "gantry.urdf").write_text(said)
+    t = np.arange(300) * 0.01
+    table: dict[str, np.ndarray] = {"t": t}
+    for j, letter in enumerate("XYZ"):
+        table[f"{letter}_pos_mm"] = 100.0 * np.sin(t + j)
+        table[f"{letter}_vel"] = 0.1 * np.cos(t + j)
+        table[f"{letter}_force_N"] = 5.0 * np.cos(t + j)
+    save(folder / "log.csv", table)
+    done = call(
+        "init", "log.csv", "-o", "g.toml", "--model", "arm", "--urdf", "gantry.urdf", "--json"
+    )
+    assert done.code == 0, done.err
+    assert not done.json["questions"]
+    text = (folder / "g.toml").read_text()
+    for j, letter in enumerate("XYZ", 1):
+        assert f'tau{j} = {{ column = "{letter}_force_N", unit = "N" }}' in text
+        assert f'q{j} = {{ column = "{letter}_pos_mm", unit = "mm" }}' in text
+        assert f'qd{j} = {{ column = "{letter}_vel", unit = "m/s" }}' in text
+
+
 def test_the_template_names_every_section_and_builds() -> None:
     path = ROOT / "twins" / "template.toml"
     text = path.read_text(encoding="utf-8")

@@ -73,6 +73,17 @@ def test_a_contact_is_told_at_the_next_beat_and_nothing_is_learned_from_it() -> 
     marked = np.flatnonzero(result.trace["mark"][:, 0] == Mark.EXTERNAL)
     assert AT < marked[0] <= AT + 20 and marked[-1] < AT + LONG + 20
     assert event.evidence["levels"][0] == pytest.approx(30.0, rel=0.1)
+    assert f"rows left out of force: {len(marked)} pushed from outside" in result.text()
+
+
+def test_a_fit_says_how_many_rows_it_leaves_out() -> None:
+    block = rows()
+    block.y[1200:1207] = 1e9
+    with Twin(AXIS) as twin:
+        found, clean = twin.fit((block,)), twin.fit((rows(),))
+    assert found.spoiled == {"force": 7} and clean.spoiled == {}
+    assert "rows left out that cannot be a measurement: 7 of force" in str(found)
+    assert "left out" not in str(clean)
 
 
 def test_the_kept_rows_of_a_contact_enter_no_fit() -> None:
@@ -192,3 +203,32 @@ def test_a_machine_may_stand_as_long_as_it_likes() -> None:
     u[2000:], y[2000:] = 0.0, np.random.default_rng(1).normal(0.0, 0.5, y[2000:].shape)
     said = folded(AXIS, block._replace(u=u, y=y), 500)[1]
     assert not any("has not changed" in one or "has not moved" in one for one in said)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_force_that_reads_a_share_less_is_no_push(seed: int) -> None:
+    """It goes beyond what is usual for a while, now and then: wherever much is predicted."""
+    n, rng = 6000, np.random.default_rng(seed)
+    t = np.arange(n) / 100.0
+    parts = [(0.1 / k, 0.5 * k, rng.uniform(0.0, 2.0 * np.pi)) for k in range(1, 6)]
+    v = sum(size * np.sin(w * t + at) for size, w, at in parts)
+    a = sum(size * w * np.cos(w * t + at) for size, w, at in parts)
+    heavy = replace(
+        AXIS, model=replace(AXIS.model, parameters=AXIS.model.parameters | {
+            "mass": ParameterSpec(2000.0),
+        }),
+    )  # fmt: skip
+    model = model_of(heavy)
+    u = np.stack([v, a], axis=1)
+    y = model.simulate(np.zeros(0), u, np.full(n, 0.01), model.parameters.values)[1]
+    y[3000:] *= 0.8
+    y += rng.normal(0.0, 12.0, y.shape)
+    with Twin(heavy) as twin:
+        result = twin.run((make_block(np.arange(n) * 10**7, u, y),))
+    assert not result.of_kind("external")
+    pushed = y.copy()
+    pushed[3000:] = y[3000:] / 0.8
+    pushed[3500:3550] += 200.0
+    with Twin(heavy) as twin:
+        result = twin.run((make_block(np.arange(n) * 10**7, u, pushed),))
+    assert len(result.of_kind("external")) == 1

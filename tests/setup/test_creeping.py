@@ -73,3 +73,11 @@ def test_a_term_whose_number_stays_at_zero_is_none_of_the_law() -> None:
     found = acting(taken, problem, fit)
     assert found.laws == {"force": "sign+stribeck"} and "film" not in found.causes["force"]
     assert acting(Chosen(), problem, fit) == Chosen()
+
+
+def test_a_term_that_no_ladder_tries_is_of_the_law_too() -> None:
+    model = ModelSpec("drive_force", options={"law": LAW})
+    axis = Twin(TwinSpec("axis", model, tuning=TuningSpec(ladder=("root",))))
+    found = axis.fit([moved(TOP["fast"], seed) for seed in range(4)])
+    assert set(found.laws["force"].split("+")) == set(LAW.split("+")) - {"root"}
+    assert {item.name: item.value for item in found.parameters}["Fs"] > 5.0

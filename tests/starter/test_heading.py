@@ -12,6 +12,7 @@ from evertwin import Twin
 from evertwin.app.starting import write_starter
 from evertwin.config import read
 from evertwin.machines.mobile import Differential
+from evertwin.starter.words import quantity, words
 
 STEP, ROWS = 0.1, 4000
 
@@ -75,3 +76,8 @@ def test_a_german_heating_is_the_heater(tmp_path: Path) -> None:
     file.write_text(f"Zeit [s];Heizung;Badtemperatur [°C];Raumtemperatur [°C]\n{rows}")
     write_starter([file], tmp_path / "bath.toml", ("thermal", None), False, False)
     assert read(tmp_path / "bath.toml").source[0].channels["heater"].column == "Heizung"
+
+
+def test_a_torque_in_per_cent_of_the_rated_one_is_a_torque() -> None:
+    assert quantity(words("J1_ActTrq"), "%") == "torque"
+    assert quantity(words("J1_ActPos"), "deg") == "position"

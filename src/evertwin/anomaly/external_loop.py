@@ -15,13 +15,14 @@ from evertwin.compiled.functions import njit
 RESIDUAL, BEYOND, MOVES = range(3)
 """Columns of the ring of the newest rows."""
 (
-    RUN, WAY, SORT, SINCE, CALM, COUNT, SEEN, OPEN, PART, BEGAN, NEED, SIDE, RESTS, NUMBERS,
-) = range(14)  # fmt: skip
+    RUN, WAY, SORT, SINCE, CALM, COUNT, SEEN, OPEN, PART, BEGAN, NEED, SIDE, RESTS, WITH, NUMBERS,
+) = range(15)  # fmt: skip
 """Places of an output's numbers, and how many. Its motion: rows in one direction, the direction,
 the sort (0 slow, else the direction), row since which, that of the last one that began calm; Σ of
 `BEYOND`; moving rows seen. Off: on which side now, was it in this excursion, sort where it came
 into it, must it still be seen calm, on which side was it last, rows of it at rest: what began with
-a motion but is there at rest, beyond friction, too is no part of that motion. A push begins one."""
+a motion but is there at rest, beyond friction, too is no part of that motion. A push begins one.
+Did it come into it with a motion of its own?"""
 (
     SQUARE, BASE, NEAR, SLOW, NOISE, HOLD, USUAL, LEVEL, ROWS, EDGE, TOLD, ALIKE, EXPECTED, FIGURES,
 ) = range(14)  # fmt: skip
@@ -149,6 +150,7 @@ def opened(row: int, k: int, stamp: int, driven: bool, ring: Any, state: Any) ->
             machine[NEWS] = row + 1
     if not number[PART]:
         number[BEGAN], figure[LEVEL], figure[ROWS], number[RESTS] = number[SORT], 0.0, 0.0, 0
+        number[WITH] = 0 if calm else 1
     for m in range(n):
         if ring[BEYOND, m, k] == number[OPEN] and m != machine[NEXT] % n:
             figure[LEVEL] += abs(ring[RESIDUAL, m, k])
@@ -208,8 +210,8 @@ def settled(row: int, stamp: int, longest: int, n: int, state: Any) -> None:
     if machine[STATE] == ON and stamp - machine[STAMP] > longest:
         machine[STATE], machine[NEWS] = LASTS, machine[NEWS] or row + 1
     if machine[STATE] == ON and not off:
-        waits = (numbers[:, NEED] != 0).any()
-        told = machine[OURS] and machine[SHARP] and not (waits and machine[LATE] > 0)
+        own = ((numbers[:, NEED] != 0) & (numbers[:, WITH] != 0)).any()  # it came and went with one
+        told = machine[OURS] and machine[SHARP] and not (own and machine[LATE] > 0)
         machine[STATE] = ENDS if told else IDLE
         machine[LAST] = row
     if machine[STATE] != ENDS:

@@ -19,6 +19,7 @@ from evertwin.setup.setup import Setup
 from evertwin.setup.task import Windows
 from evertwin.signals.units import conversion_of
 from evertwin.tuning import Fit, Problem
+from evertwin.tuning.closed import Reduced
 from evertwin.types import Bools, Float64, Outputs, Vector
 
 LEAST = 30
@@ -85,17 +86,32 @@ class Rows:
 
     def tuned_on(self, windows: Windows) -> Fit | None:
         """What tuning learns from these rows; None: there is no such machine."""
-        try:
-            return self.tune(self.pose(windows).tuning(self.fit.names)) if windows else None
-        except (DataError, ModelError):
-            return None
+        found = self._tuned_on(windows)
+        return None if found is None else found[1]
 
     def left_on(self, windows: Windows) -> Outputs | None:
         """Residual, on these rows, of what tuning learns from them, (n, ny)."""
-        fit = self.tuned_on(windows)
-        if fit is None:
+        found = self._tuned_on(windows)
+        if found is None:
             return None
-        return residual(self.pose(windows).tuning(fit.names), fit.values)
+        posed, fit = found
+        return residual(posed if fit.names == posed.names else posed.tuning(fit.names), fit.values)
+
+    def _tuned_on(self, windows: Windows) -> tuple[Problem, Fit] | None:
+        try:
+            posed = self.pose(windows).tuning(self.fit.names) if windows else None
+            if posed is None:
+                return None
+            if posed.linear and _alike(windows, self.windows):
+                posed.__dict__["reduced"] = self._reduced._replace(y=posed.rows.y)
+            return posed, self.tune(posed)
+        except (DataError, ModelError):
+            return None
+
+    @cached_property
+    def _reduced(self) -> Reduced:
+        """The columns of what is tuned, on all rows: they do not depend on what was measured."""
+        return self.whole.tuning(self.fit.names).reduced
 
     def growing(self, shapes: Float64[np.ndarray, "n k"], seen: Bools | None = None) -> Outputs:
         """Residual of one machine whose numbers go by ``shapes``, to first order, (n, ny); learned
@@ -241,6 +257,16 @@ class Rows:
                 return window.row + place
             place -= len(window.t)
         return self.windows[-1].row + len(self.windows[-1].t) - 1
+
+
+def _alike(windows: Windows, others: Windows) -> bool:
+    """Are they the same rows, but for what was measured?"""
+    return len(windows) == len(others) and all(
+        here is there
+        for one, other in zip(windows, others, strict=True)
+        for name, here, there in zip(one._fields, one, other, strict=True)
+        if name not in ("y", "mark")
+    )
 
 
 def residual(problem: Problem, values: Vector) -> Outputs:

@@ -79,12 +79,15 @@ def shifted_output(rows: Rows) -> tuple[SensorChange | None, str]:
         rows: before the deviation and since then, tuned.
     """
     edges = _edges(rows)
-    found, machine = _explained(rows, edges)
+    of_outputs = _off_outputs(rows, edges)
+    if rows.fitted >= LEAST and not _explains(rows, edges[0], of_outputs):
+        return None, ""  # what an input may be off by, or the machine, need not be known
+    found, machine = _explained(rows, edges, of_outputs)
     if rows.fitted < LEAST and machine is not None:  # what is usual is what anybody leaves at least
         lefts = [machine, *(one.left for one in found)]
         size = np.nanmin([np.nanmedian(np.abs(left), axis=0) for left in lefts], axis=0)
         rows = replace(rows, given=np.where(size > 0.0, size, rows.sizes))
-        found, machine = _explained(rows, edges)
+        found, machine = _explained(rows, edges, _off_outputs(rows, edges))
     if machine is None:
         return None, ""
     known = np.isfinite(machine) & np.isfinite(rows.before)
@@ -142,13 +145,34 @@ def moves(rows: Rows, one: Off, known: Bool[np.ndarray, "n ny"]) -> float:
     return float(np.square(by[known[:, k]] / rows.sizes[k]).sum())
 
 
-def _explained(rows: Rows, edges: list[int]) -> tuple[list[Off], Outputs | None]:
-    """What each output may be off by, and the residual of the machine; None: there is none."""
+def _off_outputs(rows: Rows, edges: list[int]) -> list[Off]:
+    """What each output may be off by, or by what share."""
     nu, ny = len(rows.setup.model.inputs), len(rows.setup.model.outputs)
     lengths = np.flatnonzero(~rows.setup.model.outputs.angles)  # of a turn a share is nothing
-    tried = [(k, False) for k in range(nu + ny)] + [(nu + k, True) for k in lengths.tolist()]
+    tried = [(nu + k, False) for k in range(ny)] + [(nu + k, True) for k in lengths.tolist()]
     lines = _lines(rows.count, edges)
-    found = [one for k in tried for one in (_off(rows, k, lines),) if one is not None]
+    return [one for k in tried for one in (_off(rows, k, lines),) if one is not None]
+
+
+def _explains(rows: Rows, first: int, found: list[Off]) -> bool:
+    """Is there one that is off, and explains the rows since ``first``?"""
+    known = np.isfinite(rows.before) & (np.arange(rows.count) >= first)[:, None]
+    for one in found:
+        known &= np.isfinite(one.left)
+    off = rows.total(rows.before, known)
+    return any(
+        moves(rows, one, known) >= OF_NOTE * off and rows.total(one.left, known) <= EXPLAINED * off
+        for one in found
+    )
+
+
+def _explained(
+    rows: Rows, edges: list[int], of_outputs: list[Off]
+) -> tuple[list[Off], Outputs | None]:
+    """What each channel may be off by, and the residual of the machine; None: there is none."""
+    inputs, lines = range(len(rows.setup.model.inputs)), _lines(rows.count, edges)
+    found = [one for k in inputs for one in (_off(rows, (k, False), lines),) if one is not None]
+    found += of_outputs
     return found, _machine(rows, edges) if found else None
 
 
@@ -191,12 +215,12 @@ def _off(rows: Rows, channel: tuple[int, bool], lines: Float64[np.ndarray, "n k"
     def undone(by: Vector) -> tuple[Block, ...]:
         found, at = list[Block](), 0
         for window in rows.windows:
-            u, y, own = window.u.copy(), window.y.copy(), by[at : at + len(window.t)]
-            side, column = (u, k) if k < nu else (y, k - nu)
+            own = by[at : at + len(window.t)]
+            side, column = (window.u.copy(), k) if k < nu else (window.y.copy(), k - nu)
             read = side[:, column]
             side[:, column] = zero + (read - zero) / (1.0 + own) if scaled else read - own
             at += len(own)
-            found.append(window._replace(u=u, y=y))
+            found.append(window._replace(u=side) if k < nu else window._replace(y=side))
         return tuple(found)
 
     def recorded(left: Outputs, by: Vector) -> Outputs:

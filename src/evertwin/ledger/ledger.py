@@ -8,49 +8,27 @@ are durable together or not at all.
 from __future__ import annotations
 
 import logging
-import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from evertwin.errors import StoreDamaged, StoreError, UsageError
 from evertwin.fold import Answer, Event, Record
+from evertwin.ledger.begun import Begun
+from evertwin.ledger.history import estimates
 from evertwin.ledger.label import Label, acts
 from evertwin.ledger.owner import check_owner
+from evertwin.ledger.reconfigured import carried
 from evertwin.ledger.versions import Versions
 from evertwin.machines.friction.resisting import not_physical
 from evertwin.models.form import Form, Version
-from evertwin.store import Batch, Entry, Estimate, Kept, Store
+from evertwin.store import Batch, Entry, Kept, Store
 from evertwin.store.archive import Day
 
 log = logging.getLogger("evertwin")
 
 SWITCHES = ("promoted", "rolled_back", "configured")
 ORDERS = (*SWITCHES, "pinned")
-
-
-@dataclass(frozen=True)
-class Begun:
-    """A run that the log tells of.
-
-    >>> Begun(1, 3, {"champion": 0}).over
-    False
-    """
-
-    number: int
-    position: int
-    """Of its first entry in the log."""
-    evidence: dict[str, Any]
-    """What it began with: champion, versions, pinned, settings, tasks and time of runs before."""
-    ended: dict[str, Any] | None = None
-    """What it came to: tasks, their time, rows, their hash."""
-    last: int = 0
-    """Position of its end."""
-
-    @property
-    def over(self) -> bool:
-        """Has it ended, or been given up?"""
-        return self.ended is not None
 
 
 class Ledger:
@@ -123,20 +101,38 @@ class Ledger:
                 check_owner(record, self._name)
                 self._follow(record, entry)
         newest = [v for v in self.versions if v.parent is None][-1]
-        if not kept or newest.hash != configured.hash:
-            number = 0 if not kept else len(self.versions)
-            if kept:
-                again = [*self.versions, replace(configured, number=number)]
-                self.versions.restore(again)
-            self._configured(number)
+        if kept and newest.hash != configured.hash:
+            now = replace(configured, number=len(self.versions))
+            live = self.versions[self.champion] if self.lives else newest
+            self.versions.restore([*self.versions, now])
+            self._configured(now.number, *self._carried(live, newest, now))
         elif not self.lives:
             self._configured(newest.number)
 
-    def _configured(self, number: int) -> None:
+    def _configured(self, number: int, *more: Event) -> None:
         if self.reading:
-            self._live(number)
+            self._live(more[-1].evidence["version"] if more else number)  # type: ignore[arg-type]
         else:
-            self.switch(number, "configured", "as the twin file says")
+            self.say(self._switch(number, "configured", "as the twin file says"), *more)
+
+    def _carried(self, live: Version, before: Version, now: Version) -> Iterator[Event]:
+        """What was found of the model as it was goes on where it holds; else it is said."""
+        if live.parent is None:
+            return
+        model = self.versions.model_of(live.form)
+        holds = None if self.pinned else carried(model, live, before, now)
+        if holds is None:
+            log.warning(
+                "the model is not the one that version %d was tuned for, so version %d is live, "
+                "as the twin file says: `evertwin fit --keep` finds its numbers anew",
+                live.number, now.number,
+            )  # fmt: skip
+            return
+        found, more = holds
+        reason = f"numbers of version {live.number}"
+        reason += f", beside new ones: {', '.join(more)}" if more else ""
+        kept = self.versions.add(live.form, found, parent=now.number, reason=reason)
+        yield self._switch(kept.number, "promoted", reason, replaced=now.number)
 
     @property
     def champion(self) -> int:
@@ -161,10 +157,10 @@ class Ledger:
         for record in records:
             said.append(record)
             if isinstance(record, Answer):
-                said += self._estimates(record.content, record.version, row, run)
+                said += estimates(record.content, record.version, row, self.counts(run))
             elif isinstance(record, Event) and record.kind == "followed":
                 version: Any = record.evidence["version"]
-                said += self._estimates(record.evidence, version, row, run)
+                said += estimates(record.evidence, version, row, self.counts(run))
         return said
 
     def commit(self, batch: Batch, *, wait: bool = True) -> None:
@@ -248,6 +244,7 @@ class Ledger:
         if self.before is None:
             raise UsageError(f"roll back: no other version has been live before {self.champion}")
         self._refuse_pinned(self.before)
+        self._refuse_another(self.before)
         return self.switch(self.before, "rolled_back", reason, person)
 
     def _refuse_pinned(self, number: int) -> None:
@@ -259,6 +256,7 @@ class Ledger:
 
     def _refuse_unphysical(self, number: int) -> None:
         """What has been live may be so again: a roll-back asks nothing."""
+        self._refuse_another(number)
         p = self.versions[number].p
         wrong = "" if number in self.lives else not_physical(self.versions.model(number), p)
         if wrong:
@@ -267,16 +265,29 @@ class Ledger:
                 "or on rows that tell them apart"
             )
 
+    def _refuse_another(self, number: int) -> None:
+        """Numbers of a model that the twin file said once, and no longer says."""
+        own, now = self.versions[number].names, self.versions.model(number).parameters.names
+        if own != now:
+            differ = ", ".join(sorted(set(own) ^ set(now))) or "their order"
+            raise UsageError(f"version {number} is of another model, which differs in {differ}")
+
     def switch(self, number: int, kind: str, reason: str, person: str = "") -> Event:
         """Makes a version live by an event."""
-        version = self.versions[number]
-        evidence: dict[str, Any] = {"version": number, "hash": version.hash}
+        event = self._switch(number, kind, reason, person, self.champion)
+        self.say(event)
+        return event
+
+    def _switch(
+        self, number: int, kind: str, reason: str, person: str = "", replaced: int = -1
+    ) -> Event:
+        evidence: dict[str, Any] = {"version": number, "hash": self.versions[number].hash}
         if kind == "configured":
             evidence["twin"] = self._name
         else:
-            evidence["replaced"] = self.champion
+            evidence["replaced"] = replaced
         how = "rolled back to " if kind == "rolled_back" else ""
-        return self._ordered(kind, f"{how}version {number}: {reason}", evidence, person)
+        return self._order(kind, f"{how}version {number}: {reason}", evidence, person)
 
     def pin(self, number: int | None, reason: str, person: str = "") -> Event:
         """Pins a version, or lets go."""
@@ -325,9 +336,12 @@ class Ledger:
         self.commit(Batch([event], moved=(day.gone,)))
         return event
 
-    def _ordered(self, kind: str, said: str, evidence: dict[str, Any], person: str) -> Event:
+    def _order(self, kind: str, said: str, evidence: dict[str, Any], person: str) -> Event:
         told = evidence | ({"person": person} if person else {})
-        event = Event(self.row, self.now, kind, "", said, told)
+        return Event(self.row, self.now, kind, "", said, told)
+
+    def _ordered(self, kind: str, said: str, evidence: dict[str, Any], person: str) -> Event:
+        event = self._order(kind, said, evidence, person)
         self.say(event)
         return event
 
@@ -371,21 +385,6 @@ class Ledger:
         self.lives.append(number)
         if self._back[-1:] != [number]:
             self._back.append(number)
-
-    def _estimates(self, content: Any, version: int, row: int, run: int) -> list[Estimate]:
-        """The parameter history: one entry per tuned parameter."""
-        fit = content.get("fit")
-        if not fit:
-            return []
-        found = []
-        for name, item in sorted(fit["parameters"].items()):  # as an answer from the log has them
-            low, high = item["interval95"]
-            bounds = (-math.inf if low is None else low, math.inf if high is None else high)
-            when = [int(content.get(key, 0)) for key in ("time", "task", "elapsed")]
-            value, verdict = item["value"], item["verdict"]
-            counts = (*when[1:], *self.counts(run))
-            found.append(Estimate(row, when[0], version, name, value, *bounds, verdict, *counts))
-        return found
 
     def counts(self, run: int) -> tuple[int, int]:
         """Tasks of the runs before a run, and the time within them [ns]."""

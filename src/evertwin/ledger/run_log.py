@@ -17,8 +17,9 @@ from typing import Any
 
 from evertwin.errors import StoreError
 from evertwin.fold import Answer, Event, Record, Request
+from evertwin.ledger.begun import Begun
 from evertwin.ledger.fingerprint import Followed as Prints
-from evertwin.ledger.ledger import Begun, Ledger
+from evertwin.ledger.ledger import Ledger
 from evertwin.models.form import Version
 from evertwin.store import Batch, Checkpoint, Entry, Kept, Progress
 from evertwin.store.kinds import encode, kind_of, row_of

@@ -19,8 +19,9 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.fold import Block, take
+from evertwin.ledger.begun import Begun
 from evertwin.ledger.fingerprint import Fingerprint
-from evertwin.ledger.ledger import Begun, Ledger
+from evertwin.ledger.ledger import Ledger
 
 
 class Place(NamedTuple):

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from evertwin.anomaly import Contact
+from evertwin.anomaly.external import Own
+from evertwin.anomaly.external_loop import SQUARE
 from evertwin.gauges.sensor_change import SensorChange
 from evertwin.gauges.unit_change import of_sensor
 from evertwin.ledger.versions import Versions
@@ -14,6 +18,7 @@ from evertwin.models.batch import mapped
 from evertwin.setup.detectors import Alarm
 from evertwin.setup.deviation import new_sums
 from evertwin.setup.setup import Setup
+from evertwin.types import Inputs, Stamps, Vector
 
 ENOUGH = 50
 """Rows in motion that tell a sensor from a push."""
@@ -21,6 +26,18 @@ VARIES = 0.3
 """Spread of what is predicted, at least [of its size]: a constant is a constant times anything."""
 ALIKE = 0.8
 """Correlation of what is measured with what is predicted, at least."""
+USUAL, CLEARLY = 2.0, 2.0
+"""So many times the usual mean square a share of what is predicted leaves at most; so many times
+that a push leaves at least."""
+
+
+class _Beside(NamedTuple):
+    a: Vector
+    """Measured."""
+    b: Vector
+    """Predicted."""
+    u: Inputs
+    row: Stamps
 
 
 def disturbed(decision: Decision, setup: Setup, versions: Versions) -> bool:
@@ -40,6 +57,9 @@ def disturbed(decision: Decision, setup: Setup, versions: Versions) -> bool:
             "after the other: it is the machine's own; its rows count"
         )
         decision.say("recurring", name, said, told.own._asdict())
+    if told.contact is not None and _in_proportion(decision, setup, versions, told.contact):
+        its = Own(told.contact.outputs[0], told.contact.first)
+        told = told._replace(contact=None, own=its)  # its rows count: tuning asks what it is
     remembered(state.ring, told, since)
     contact = told.contact
     first = since if contact is None or contact.last < 0 else contact.first
@@ -68,8 +88,37 @@ def _sensor(
 ) -> SensorChange | None:
     """An output that goes with what is predicted, a known number times as large, in place of what
     a push would add: from the motion since the contact began."""
+    rows = _beside(decision, setup, versions, contact, goes_on=False)
+    if rows is None:
+        return None
+    channel = setup.model.outputs.channels[setup.model.outputs.index(contact.outputs[0])]
+    found = of_sensor(setup, channel, rows.a, rows.b, rows.u)
+    alike = found is not None and abs(np.corrcoef(rows.a, rows.b)[0, 1]) > ALIKE
+    return found if alike else None
+
+
+def _in_proportion(decision: Decision, setup: Setup, versions: Versions, contact: Contact) -> bool:
+    """Is an output off by a share of what is predicted, since the contact began and after it? A
+    push adds the same whatever is predicted, and ends."""
+    rows = _beside(decision, setup, versions, contact, goes_on=True)
+    if rows is None or contact.last < 0:
+        return False
+    k = setup.model.outputs.index(contact.outputs[0])
+    usual = float(decision.state.external.figures[k, SQUARE])
+    off, pushed = rows.a - rows.b, rows.row <= contact.last
+    share = off - float(off @ rows.b / (rows.b @ rows.b)) * rows.b
+    push = off - np.where(pushed, np.mean(off[pushed]), 0.0)
+    own = float(np.mean(np.square(share)))
+    return own <= USUAL * usual and float(np.mean(np.square(push))) >= CLEARLY * own
+
+
+def _beside(
+    decision: Decision, setup: Setup, versions: Versions, contact: Contact, *, goes_on: bool
+) -> _Beside | None:
+    """The only output of a contact and what is predicted of it, where it moves and that varies:
+    within the contact, or since it began too. None: there are too few such rows."""
     state = decision.state
-    stop = state.ring.end if contact.last < 0 else contact.last + 1
+    stop = state.ring.end if goes_on or contact.last < 0 else contact.last + 1
     windows = setup.ring.between(state.ring, contact.first, stop)
     model, p = versions.model(state.live.version), versions[state.live.version].p
     if len(model.states) or len(contact.outputs) != 1 or not windows:
@@ -78,14 +127,13 @@ def _sensor(
     u, dt, y = (
         np.concatenate([getattr(one, name) for one in windows]) for name in ("u", "dt", "y")
     )
+    row = np.concatenate([one.row + np.arange(len(one.t)) for one in windows])
     expected = mapped(model, u, dt, p)[:, k]
     rows = setup.moving(u)[:, k] & np.isfinite(expected) & np.isfinite(y[:, k])
     a, b = y[rows, k], expected[rows]
     if len(a) < ENOUGH or np.std(b) < VARIES * np.sqrt(np.mean(np.square(b))):
         return None
-    found = of_sensor(setup, model.outputs.channels[k], a, b, u[rows])
-    alike = found is not None and abs(np.corrcoef(a, b)[0, 1]) > ALIKE
-    return found if alike else None
+    return _Beside(a, b, u[rows], row[rows])
 
 
 def forget(decision: Decision) -> None:

@@ -27,7 +27,8 @@ import numpy as np
 from evertwin.engine import Engine, InProcess
 from evertwin.errors import DataError
 from evertwin.fold import Block, Chunk, Event
-from evertwin.ledger.ledger import Begun, Ledger
+from evertwin.ledger.begun import Begun
+from evertwin.ledger.ledger import Ledger
 from evertwin.loop.loading import FeedState, Rate
 from evertwin.loop.observer import Observer, succeeded
 from evertwin.loop.run import Run, settings_hash

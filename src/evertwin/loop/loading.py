@@ -9,7 +9,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from evertwin.errors import StoreError
-from evertwin.ledger.ledger import Begun, Ledger
+from evertwin.ledger.begun import Begun
+from evertwin.ledger.ledger import Ledger
 from evertwin.loop.driver import Driver
 from evertwin.loop.run import settings_hash
 from evertwin.rows.alignment import Alignment, AlignmentState

@@ -19,8 +19,9 @@ from evertwin.config import TwinSpec
 from evertwin.engine import Engine, InProcess
 from evertwin.errors import DataError, StoreError, UsageError
 from evertwin.fold import Answer, Block, Event, Record, canonical, copy
+from evertwin.ledger.begun import Begun
 from evertwin.ledger.fingerprint import Followed as Prints
-from evertwin.ledger.ledger import Begun, Ledger
+from evertwin.ledger.ledger import Ledger
 from evertwin.ledger.run_log import RunLog
 from evertwin.ledger.seen import Place, find, later, rest
 from evertwin.loop.carried import carried

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from evertwin.errors import MissingExtra
-from evertwin.fold import Event, plain
+from evertwin.fold import Event, Mark, plain
 from evertwin.models import Model, Parameters
 from evertwin.models.form import Form, Version
 from evertwin.outcome.open_trial import OpenTrial, shorter
@@ -33,6 +33,8 @@ DECISIONS = (
 """Kinds of event that a person reads first."""
 DATED = 3 * 10**17
 """Stamps beyond this [ns] are dates: of a clock that began in 1970, since 1979."""
+SPOILED = {Mark.ERROR: "in error", Mark.EXTERNAL: "pushed from outside"}
+"""Why rows that were measured count for nothing."""
 MOST = 12
 """Of them, the newest that are shown at once."""
 
@@ -253,6 +255,7 @@ class RunResult:
         if before or after:
             text.append(f"  position updates {before} -> {after}")
         text += [] if self.trial is None else [f"  {self.trial}"]
+        text += self._spoiled()
         text += [f"  {tally}" for tally in self.left_out]
         decisions = self.of_kind(*DECISIONS)
         text += map(self._event, summed_up(self.events if every else decisions[-MOST:]))
@@ -264,6 +267,22 @@ class RunResult:
             f"{', pinned' * self.pinned} ({shorter(self.champion.reason)})"
         )
         return "\n".join(text)
+
+    def _spoiled(self) -> list[str]:
+        """Which outputs have rows that the figures are not of, how many and why."""
+        row = self.trace.get("row", np.empty(0))
+        if not len(row):
+            return []
+        mark = self.trace["mark"][row >= self.unseen_since]
+        every = round(float(np.median(np.diff(row)))) if len(row) > 1 else 1
+        found = dict[str, list[str]]()
+        for name, own in zip(self.outputs, mark.T, strict=True):
+            counts = {why: every * np.count_nonzero(own == kind) for kind, why in SPOILED.items()}
+            said = ", ".join(f"{count} {why}" for why, count in counts.items() if count)
+            found.setdefault(said, []).append(name)
+        return [
+            f"  rows left out of {', '.join(who)}: {said}" for said, who in found.items() if said
+        ]
 
     def _event(self, some: Several) -> str:
         event, said = some.first, some.first.reason

@@ -17,7 +17,7 @@ import numpy as np
 
 from evertwin.anomaly.verdict import branch
 from evertwin.engine import Engine
-from evertwin.fold import Block, plain
+from evertwin.fold import Block, Mark, plain
 from evertwin.ledger.versions import Versions
 from evertwin.models import Model, Parameters
 from evertwin.models.form import Form, Version
@@ -95,6 +95,8 @@ class FitResult:
     """Per test and task of it: the parameters that belong to a recording, fitted to it."""
     left_out: tuple[Tally, ...] = ()
     """What was wrong with the recordings, and the rows left out for it, by source."""
+    spoiled: Mapping[str, int] = field(default_factory=dict)
+    """Output → rows to learn from that cannot be a measurement, and were left out."""
 
     def to_dict(self) -> dict[str, Json]:
         """Plain content, ``schema: "evertwin.fit/1"``."""
@@ -134,6 +136,7 @@ class FitResult:
                 "friction_law": self.laws,
                 "friction_causes": self.causes,
                 "left_out": [tally.to_dict() for tally in self.left_out],
+                "rows_left_out": self.spoiled,
                 "converged": self.fit.converged,
                 "message": self.fit.message,
                 "method": self.fit.method,
@@ -173,6 +176,8 @@ class FitResult:
             names = ", ".join(self._starts[0][0])
             lines.append(f"fitted to each test, since they belong to a recording: {names}")
         lines += map(str, self.left_out)
+        out = ", ".join(f"{count} of {name}" for name, count in self.spoiled.items())
+        lines += [f"rows left out that cannot be a measurement: {out}"] if out else []
         return "\n".join(lines)
 
     def _described(self) -> list[str]:
@@ -351,8 +356,16 @@ def fit(
             tuple({name: p[name] for name in free if name in p} for p in one.values)
             for _, one in tests
         ),
-        done.feed.left_out,
+        done.feed.left_out, _spoiled(model, done.tasks),
     )  # fmt: skip
+
+
+def _spoiled(model: Model, tasks: tuple[Block, ...]) -> dict[str, int]:
+    """Output → rows that were measured and cannot be; without those that have none."""
+    nu = len(model.inputs)
+    wrong = sum((one.mark[:, nu:] == Mark.ERROR).sum(axis=0) for one in tasks)
+    counts = zip(model.outputs.names, np.asarray(wrong).tolist(), strict=True)
+    return {name: count for name, count in counts if count}
 
 
 def named(item: Any) -> str:

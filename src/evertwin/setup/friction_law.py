@@ -164,7 +164,8 @@ def climb_laws(setup: Setup, problem: Problem) -> tuple[Problem, Chosen]:
     within = {name for r in out for name, _ in (*r.shape, *r.switch)} - kept
     stay = {name: plain.parameters[name].value for name in within}
     problem = replace(problem, prior=problem.parameters.with_values(stay)) if stay else problem
-    return problem.tuning(ascent.names), _chosen(problem, ascent.taken)
+    untried = {(rung.output, rung.name) for rung in _rungs(model) if rung not in tried}
+    return problem.tuning(ascent.names), _chosen(problem, ascent.taken, untried)
 
 
 def acting(chosen: Chosen, problem: Problem, fit: Fit) -> Chosen:
@@ -175,15 +176,20 @@ def acting(chosen: Chosen, problem: Problem, fit: Fit) -> Chosen:
     values = dict(zip(problem.model.parameters.names, fit.p.tolist(), strict=False))
     acts = {(r.output, r.name) for r in _rungs(problem.model) if any(values[n] for n in r.add)}
     kept = (tuple(n for n in some if (k, n) in acts) for k, some in enumerate(chosen.taken))
-    return _chosen(problem, tuple(kept))
+    return _chosen(problem, tuple(kept), acts)
 
 
-def _chosen(problem: Problem, taken: tuple[tuple[str, ...], ...]) -> Chosen:
+def _chosen(
+    problem: Problem, taken: tuple[tuple[str, ...], ...], others: Collection[tuple[int, str]]
+) -> Chosen:
+    """The terms that were taken, and the law of these and of the ``others`` (output, term) that no
+    ladder tries."""
     model = problem.model
     assert isinstance(model, Laddered)
     joints = getattr(model, "joints", model.outputs.names)
-    laws = {joint: model.law_name(k, taken[k]) for k, joint in enumerate(joints)}
-    causes = {joint: _causes(problem, k, taken[k]) for k, joint in enumerate(joints)}
+    whole = [(*some, *(name for o, name in others if o == k)) for k, some in enumerate(taken)]
+    laws = {joint: model.law_name(k, whole[k]) for k, joint in enumerate(joints)}
+    causes = {joint: _causes(problem, k, whole[k]) for k, joint in enumerate(joints)}
     return Chosen(laws, {joint: cause for joint, cause in causes.items() if cause}, taken)
 
 

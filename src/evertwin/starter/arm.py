@@ -22,7 +22,10 @@ from evertwin.starter.relations import CLEAR, Relation, derivative
 from evertwin.starter.seen import Seen
 from evertwin.starter.words import quantity, role, words
 
-_WANTED = {"q": "position", "qd": "velocity", "qdd": "acceleration", "tau": "torque"}
+_WANTED = {
+    "q": ("position",), "qd": ("velocity",), "qdd": ("acceleration",), "tau": ("torque", "force"),
+}  # fmt: skip
+"""Of a joint that slides the effort is a force."""
 _TURN = 180.0 / np.pi
 
 
@@ -93,7 +96,7 @@ class _Look:
         usable = usable or [g for g in self.groups if g.role != "other"]
         out: dict[str, Group] = {}
         for name, wanted in _WANTED.items():
-            said = [g for g in usable if g.quantity == wanted and g not in out.values()]
+            said = [g for g in usable if g.quantity in wanted and g not in out.values()]
             said.sort(key=lambda g: g.role != "measured")
             if said:
                 out[name] = said[0]
@@ -163,11 +166,12 @@ class _Look:
     def _unit(
         self, wanted: str, name: str, chosen: Mapping[str, Group], column: ColumnInfo
     ) -> tuple[str, Answer, str]:
-        if name == "tau" and chosen[name].quantity != "torque":
+        if name == "tau" and chosen[name].quantity not in _WANTED["tau"]:
             what = "a current" if chosen[name].quantity == "current" else "no name says what it is"
-            return wanted, ASK, f"{what}: how many Nm at the joint is one?"
+            return wanted, ASK, f"{what}: how many {wanted} at the joint is one?"
         unit, scale, reason = unit_of(wanted, column)
-        if column.unit or name not in ("q", "qd") or not {"q", "qd"} <= chosen.keys():
+        turns = name in ("q", "qd") and wanted.startswith("rad")
+        if column.unit or not turns or not {"q", "qd"} <= chosen.keys():
             return unit, scale, reason
         factors = [
             r.factor for r in self.relations(chosen["q"], chosen["qd"]) if r is not None and r.clear

@@ -1,13 +1,15 @@
 """Columns that belong together because they say the same of each joint of an arm.
 
 Headings that differ in one number (``q_0 … q_5``, ``J1_pos … J6_pos``), in the name of a joint
-(``position.elbow``) or, several times, in the same words (``pan_deg tilt_deg pan_Nm tilt_Nm``) are
-a family; columns without headings are cut into as many as there are
+(``position.elbow``) or, several times, in the same words (``pan_deg tilt_deg pan_Nm tilt_Nm``,
+``X_mm Y_mm X_N Y_N``) are a family; columns without headings are cut into as many as there are
 joints, one block after the other.
 
 >>> table = [f"{q}_{i}" for q in ("q", "tau") for i in range(3)]
 >>> [family.columns for family in families(table, ("a", "b", "c"))]
 [('q_0', 'q_1', 'q_2'), ('tau_0', 'tau_1', 'tau_2')]
+>>> [family.stem for family in families(["X_mm", "Y_mm", "X_force_N", "Y_force_N"], ("a", "b"))]
+['#_mm', '#_force_N']
 """
 
 from __future__ import annotations
@@ -16,6 +18,8 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from typing import NamedTuple
+
+_WORD = re.compile(r"[A-Za-z]{2,}|(?<![A-Za-z])[A-Za-z](?![A-Za-z])")
 
 
 class Family(NamedTuple):
@@ -64,7 +68,7 @@ def _by_word(names: Sequence[str], count: int) -> dict[str, Family]:
     """Headings that differ in one word, where two families or more do so in the same words."""
     stems: dict[str, dict[str, str]] = {}
     for name in names:
-        for found in re.finditer(r"[A-Za-z]{2,}", name):
+        for found in _WORD.finditer(name):
             stem = f"{name[: found.start()]}#{name[found.end() :]}"
             stems.setdefault(stem, {})[found[0].lower()] = name
     whole = {stem: there for stem, there in stems.items() if len(there) == count > 1}

@@ -16,6 +16,7 @@ from itertools import pairwise
 
 from evertwin.errors import UsageError
 from evertwin.signals import compatible
+from evertwin.signals.units import powers
 from evertwin.sources.description import ColumnInfo
 from evertwin.starter.abroad import english
 
@@ -58,7 +59,7 @@ OTHERS = {
 HEATER = {"heater", "heating", "heat"}
 AMBIENT = {"ambient", "amb", "room", "outside", "outdoor", "environment", "env", "surroundings"}
 """Of the air around a machine."""
-_JOINED = re.compile(r"(set|cmd|ref|des|act|meas)(vel|pos|speed|angle|torque|cur)")
+_JOINED = re.compile(r"(set|cmd|ref|des|act|meas)(vel|pos|speed|angle|torque|trq|cur)")
 _AXIS = re.compile(r"(v)([xyz])")
 _PREFIXED = re.compile(r"(?<![A-Za-z])[km](Pa|[AVWN])(?![A-Za-z])")
 """A unit with its prefix, whose capital begins no word: ``force_kN``."""
@@ -137,11 +138,19 @@ def is_temperature(column: ColumnInfo) -> bool:
 
 
 def quantity(said: Collection[str], unit: str = "") -> str:
-    """Which quantity words and a stated unit name; empty where neither does."""
+    """Which quantity words and a stated unit name; empty where neither does. A share is of any."""
     for name, units in UNITS.items():
-        if unit and any(same_kind(unit, one) for one in units):
+        if unit and not _share(unit) and any(same_kind(unit, one) for one in units):
             return name
     return next((name for name, known in QUANTITIES.items() if not known.isdisjoint(said)), "")
+
+
+def _share(unit: str) -> bool:
+    """Is it a number alone, such as ``%``? An angle is not."""
+    try:
+        return not powers(unit)
+    except UsageError:
+        return False
 
 
 def role(said: Sequence[str]) -> str:

@@ -92,7 +92,7 @@ def _alike(problem: Problem, fit: Fit) -> list[Alike]:
     refused = np.array([one.startswith(word) if dynamic else word in one for one in fit.reasons])
     near = np.array([0.0 < part < NEAR for part, _ in told]) & ~refused
     if not (dynamic or refused.any()) and near.any():
-        wrong = wrong_outputs(problem, fit)
+        wrong = wrong_outputs(problem, fit, np.asarray(acting.acts[:, near].any(axis=1)))
         refused = near & acting.acts[wrong].any(axis=0)
     mine = [k for k in order.tolist() if refused[k] and told[k][1] >= 0]
     same = [k for k in mine if told[k][0] < NULL and not dynamic] or mine[-1:]

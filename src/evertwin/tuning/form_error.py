@@ -34,8 +34,7 @@ that predicts best in the wrong form; then the reason says so, and the number is
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -44,16 +43,13 @@ import scipy
 from evertwin.tuning.assemble import sizes_of, student
 from evertwin.tuning.autocorrelation import Correlation, Series
 from evertwin.tuning.fit import Fit
+from evertwin.tuning.form_rows import Asked, Basis, Columns, Shaped, Term, Widths, scaled
 from evertwin.tuning.identifiability import grade
 from evertwin.tuning.noisy_inputs import hang
 from evertwin.tuning.problem import Problem
 from evertwin.tuning.sensitivity import Sensitivity
-from evertwin.tuning.shapes import shapes
 from evertwin.types import Float64, Vector
 
-Columns = Float64[np.ndarray, "n m"]
-Basis = Float64[np.ndarray, "n b"]
-Widths = Float64[np.ndarray, " m"]
 LIKE = 0.3
 """How far a shape that was found may be from the true one, as a part of what it explains."""
 TERMS = 6
@@ -74,78 +70,6 @@ SAID = 2
 TIME = "time"
 WRONG = "the form of {} does not hold ({})"
 NOISY = "{0} is off ({1}) only where noise of the inputs decides it: its form or that noise"
-
-
-class Term(NamedTuple):
-    """A coefficient that changes with an input.
-
-    >>> Term(0, "speed", 3, "size").input
-    'speed'
-    """
-
-    column: int
-    """Of the output's columns."""
-    input: str
-    shape: int
-    kind: str
-
-
-@dataclass(frozen=True, eq=False)
-class _Input:
-    """An input's rows, shared by the outputs that know the same ones."""
-
-    u: Series
-    _thinned: dict[int, _Input] = field(default_factory=dict)
-
-    def every(self, step: int) -> _Input:
-        """Every so many rows."""
-        if step not in self._thinned:
-            self._thinned[step] = self if step == 1 else _Input(self.u[::step])
-        return self._thinned[step]
-
-    @cached_property
-    def shapes(self) -> tuple[tuple[str, ...], Columns]:
-        """The kinds, and their values."""
-        return shapes(self.u)
-
-
-@dataclass(frozen=True)
-class _Output:
-    """One output's rows."""
-
-    columns: Columns
-    at: np.ndarray
-    """Which tuned parameter each column belongs to."""
-    r: Series
-    """What is left of it."""
-    inputs: Mapping[str, _Input]
-
-    @property
-    def basis(self) -> Basis:
-        """Its columns, made orthonormal."""
-        return np.asarray(np.linalg.qr(_scaled(self.columns)[0])[0])
-
-    def thinned(self, rows: int) -> _Output:
-        """Every so many rows, at most so many in all."""
-        step = -(-len(self.r) // max(rows, 1))
-        inputs = {name: one.every(step) for name, one in self.inputs.items()}
-        return _Output(self.columns[::step], self.at, self.r[::step], inputs)
-
-    def only(self, names: Sequence[str]) -> _Output:
-        """With these inputs."""
-        return replace(self, inputs={name: self.inputs[name] for name in names})
-
-    def candidates(self) -> tuple[list[Term], Columns]:
-        """Every column times every shape of every input, each of unit length."""
-        terms, found = list[Term](), list[np.ndarray]()
-        for name, one in self.inputs.items():
-            kinds, values = one.shapes
-            for a in range(self.columns.shape[1]):
-                terms += [Term(a, name, s, kind) for s, kind in enumerate(kinds)]
-                found.append(self.columns[:, a : a + 1] * values)
-        whole = np.concatenate(found, axis=1) if found else np.empty((len(self.r), 0))
-        length = np.sqrt(np.square(whole).sum(axis=0))
-        return terms, whole / np.where(length > 0, length, 1.0)
 
 
 class _Marginal(NamedTuple):
@@ -170,7 +94,8 @@ def carried(problem: Problem, fit: Fit) -> Fit:
     acting = problem.sensitivity(fit.values)
     if not acting.finite:
         return fit
-    outputs, found, noisy = _wrong(problem, fit, acting, free)
+    every = np.ones(len(fit.outputs), dtype=np.bool_)
+    outputs, found, noisy = _wrong(problem, fit, acting, free, every)
     if noisy:
         reasons = [*fit.reasons]
         for k, why in noisy.items():
@@ -196,25 +121,26 @@ def carried(problem: Problem, fit: Fit) -> Fit:
     return _told(fit, _said(fit, outputs, found), centre, half, sizes)
 
 
-def wrong_outputs(problem: Problem, fit: Fit) -> np.ndarray:
-    """Places of the outputs whose residual tells that a coefficient changes with an input."""
+def wrong_outputs(problem: Problem, fit: Fit, asked: np.ndarray) -> np.ndarray:
+    """Places of the ``asked`` outputs (ny,) whose residual tells that a coefficient changes with
+    an input."""
     acting, free = problem.sensitivity(fit.values), np.ones(len(fit.names), dtype=np.bool_)
-    _, found, _ = _wrong(problem, fit, acting, free)
+    _, found, _ = _wrong(problem, fit, acting, free, asked)
     return np.flatnonzero([bool(terms) for terms in found])
 
 
 def _wrong(
-    problem: Problem, fit: Fit, acting: Sensitivity, free: np.ndarray
-) -> tuple[list[_Output], list[list[Term]], dict[int, str]]:
+    problem: Problem, fit: Fit, acting: Sensitivity, free: np.ndarray, asked: np.ndarray
+) -> tuple[list[Asked], list[list[Term]], dict[int, str]]:
     """Every output's rows, and the terms that pay there on rows that no noise of an input decides;
-    and what is said of those that pay with such rows alone."""
-    without = np.zeros(problem.rows.y.shape, dtype=np.bool_)
-    outputs, every = _asked(problem, fit, acting, free, without)
-    if any(every):  # else it need not be known which rows these are
-        without = hang(problem, fit.values)
-    if not without.any():
+    and what is said of those that pay with such rows alone. None of outputs that are not asked."""
+    out = np.broadcast_to(~asked, problem.rows.y.shape)
+    outputs, every = _asked(problem, fit, acting, free, out)
+    # where no term pays it need not be known which rows these are
+    noisy = hang(problem, fit.values) if any(every) else np.zeros_like(out)
+    if not noisy.any():
         return outputs, every, {}
-    kept, again = _asked(problem, fit, acting, free, without)
+    kept, again = _asked(problem, fit, acting, free, out | noisy)
     found = [still if terms else [] for terms, still in zip(every, again, strict=True)]
     only = [[] if still else terms for terms, still in zip(every, found, strict=True)]
     return kept, found, _said(fit, outputs, only, NOISY)
@@ -222,10 +148,10 @@ def _wrong(
 
 def _asked(
     problem: Problem, fit: Fit, acting: Sensitivity, free: np.ndarray, without: np.ndarray
-) -> tuple[list[_Output], list[list[Term]]]:
+) -> tuple[list[Asked], list[list[Term]]]:
     """Every output's rows, those `without` left out, and the terms that pay there."""
-    residuals, shared = problem.residuals(fit.values), dict[bytes, Mapping[str, _Input]]()
-    outputs = list[_Output]()
+    residuals, shared = problem.residuals(fit.values), dict[bytes, Mapping[str, Shaped]]()
+    outputs = list[Asked]()
     for o, r in enumerate(residuals.T):
         columns, at = acting.of(o)
         acts = free[at] & acting.acts[o][at]
@@ -233,7 +159,7 @@ def _asked(
         if known.tobytes() not in shared:
             shared[known.tobytes()] = _inputs(problem, known)
         inputs = shared[known.tobytes()]
-        outputs.append(_Output(columns[known][:, acts], at[acts], r[known], inputs))
+        outputs.append(Asked(columns[known][:, acts], at[acts], r[known], inputs))
     return outputs, [_chosen(one) for one in outputs]
 
 
@@ -242,24 +168,25 @@ def _known(problem: Problem, output: int, r: Series) -> np.ndarray:
     return np.asarray(rows.used[:, output] & np.isfinite(r) & np.isfinite(rows.u).all(axis=1))
 
 
-def _inputs(problem: Problem, known: np.ndarray) -> Mapping[str, _Input]:
+def _inputs(problem: Problem, known: np.ndarray) -> Mapping[str, Shaped]:
     rows = problem.rows
-    inputs = {TIME: _Input(np.cumsum(rows.dt)[known])}
+    inputs = {TIME: Shaped(np.cumsum(rows.dt)[known])}
     for name, u in zip(problem.model.inputs.names, rows.u.T, strict=True):
         # a machine's place is the sum of its speed, whether or not the model takes it
-        way = _Input(np.nancumsum(u * rows.dt)[known])
-        inputs |= {name: _Input(u[known]), f"the sum of {name}": way}
+        way = Shaped(np.nancumsum(u * rows.dt)[known])
+        inputs |= {name: Shaped(u[known]), f"the sum of {name}": way}
     return inputs
 
 
-def _chosen(one: _Output) -> list[Term]:
+def _chosen(one: Asked) -> list[Term]:
     """The terms that pay for having been chosen among all."""
     if len(one.r) < FEW or not len(one.at) or not np.any(one.r):
         return []
     near = one.thinned(COARSE)
     if len(one.inputs) > INPUTS:
         basis = near.basis
-        best = {n: _best(near.only([n]), basis) for n in one.inputs}
+        r = near.r - basis @ (basis.T @ near.r)
+        best = {name: _best(near, of, basis, r) for name, of in near.inputs.items()}
         one = one.only(sorted(best, key=lambda name: -best[name])[:INPUTS])
     count = len(near.at) * sum(len(near.inputs[name].shapes[0]) for name in one.inputs)
     if not count:
@@ -282,13 +209,23 @@ def _chosen(one: _Output) -> list[Term]:
     return accepted
 
 
-def _best(one: _Output, basis: Basis) -> float:
-    """The most that one shape explains."""
-    _, columns = one.candidates()
-    return float(_gains(*_apart(one, basis, columns))[0].max(initial=0.0))
+def _best(one: Asked, of: Shaped, basis: Basis, r: Series) -> float:
+    """The most that one shape of an input explains of ``r``, which the columns have left. As
+    `_gains` of its `candidates` says it, without a copy of each."""
+    columns, values = one.columns, of.shapes[1]
+    n, m = columns.shape
+    squares = np.square(columns).T @ np.square(values)
+    side = (columns * r[:, None]).T @ values
+    across = basis.T @ (columns[:, :, None] * values[:, None, :]).reshape(n, -1)
+    own = np.square(across).sum(axis=0).reshape(m, -1)
+    left = squares - own
+    explains = left > OWN * squares
+    return float(
+        np.where(explains, np.square(side) / np.where(explains, left, 1.0), 0.0).max(initial=0.0)
+    )
 
 
-def _apart(one: _Output, basis: Basis, columns: Columns) -> tuple[Columns, Series]:
+def _apart(one: Asked, basis: Basis, columns: Columns) -> tuple[Columns, Series]:
     """What the output's own columns leave of others, and of the residual."""
     return columns - basis @ (basis.T @ columns), one.r - basis @ (basis.T @ one.r)
 
@@ -307,15 +244,9 @@ def _memory(r: Series) -> float:
     return max(1.0 + 2.0 * float(rho[1:].sum()), 1.0)
 
 
-def _scaled(columns: Columns) -> tuple[Columns, Widths]:
-    size = np.sqrt(np.square(columns).sum(axis=0))
-    size[size == 0] = 1.0
-    return columns / size, size
-
-
-def _marginal(one: _Output, terms: Sequence[Term]) -> _Marginal:
+def _marginal(one: Asked, terms: Sequence[Term]) -> _Marginal:
     """Information and side of the output's parameters; the shapes' share taken out."""
-    own, size = _scaled(one.columns)
+    own, size = scaled(one.columns)
     extra, prior, paid = np.empty((len(one.r), 0)), np.empty(0), own.shape[1] + len(terms)
     r = one.r
     if terms:
@@ -357,7 +288,7 @@ def _inverted(matrix: Float64[np.ndarray, "k k"]) -> Float64[np.ndarray, "k k"]:
 
 
 def _said(
-    fit: Fit, outputs: Sequence[_Output], found: Sequence[Sequence[Term]], words: str = WRONG
+    fit: Fit, outputs: Sequence[Asked], found: Sequence[Sequence[Term]], words: str = WRONG
 ) -> dict[int, str]:
     """Which parameters act on an output whose form is wrong, and what is said of it."""
     said: dict[int, str] = {}
