@@ -85,8 +85,12 @@ class Rows:
 
     def tuned_on(self, windows: Windows) -> Fit | None:
         """What tuning learns from these rows; None: there is no such machine."""
+        if not windows:
+            return None
         try:
-            return self.tune(self.pose(windows).tuning(self.fit.names)) if windows else None
+            posed = self.pose(windows)  # of fewer recordings, each of which has starts of its own
+            names = posed.parameters.names
+            return self.tune(posed.tuning(tuple(n for n in self.fit.names if n in names)))
         except (DataError, ModelError):
             return None
 
