@@ -9,15 +9,16 @@ from evertwin.correction.candidates import propose
 from evertwin.correction.describe import describe
 from evertwin.correction.evidence import gather
 from evertwin.correction.fitting import fit_candidate
-from evertwin.correction.improve import Selection, improve, stack_of
-from evertwin.correction.stack import Stack
+from evertwin.correction.improve import Selection, improve
+from evertwin.correction.stack import Stack, stack_of
 from evertwin.errors import DataError, UsageError
-from evertwin.fold import Block, make_block
+from evertwin.fold import Block, make_block, take
 from evertwin.machines.mobile import Differential, Odometer, Robot1D
-from evertwin.models import FunctionModel
+from evertwin.models import FunctionModel, Model, Parameters
 from evertwin.models.corrected import Corrected, build
 from evertwin.models.form import Form, Term
 from evertwin.models.terms.rows import Rows, propose_levels, quiet_level
+from evertwin.models.translated import translated
 from evertwin.signals import Layout
 
 DT = 0.1
@@ -274,3 +275,45 @@ def test_what_is_said_is_what_goes_live() -> None:
     )
     # the numbers of all rows, not those of the last fold that was predicted without its own
     assert every.p == pytest.approx(fold.stack.p, abs=1e-3)
+
+
+def chamber(seed: int) -> tuple[Model, Block]:
+    """A heated chamber as configured, its numbers all wrong, and two recordings of one with a wall
+    that nobody measures, which begins anywhere."""
+    rng = np.random.default_rng(seed)
+
+    def step(x, u, dt, p):  # type: ignore[no-untyped-def]
+        gain, rate, low = p
+        ahead = x[0] + dt * rate * (gain * u[0] + low - x[0])
+        return [ahead], [ahead]
+
+    air = Layout.of(x="K")
+    numbers = Parameters.of(gain=(1.0, "K"), rate=(0.03, "1/s"), low=(10.0, "K"))
+    model = translated(FunctionModel(step, Layout.of(u="1"), air, air, numbers))
+    real = Corrected(model, (Term("state", "x"),))
+    n, parts = 1000, []
+    for _ in range(2):
+        start = rng.uniform(-6.0, 6.0)
+        values = {"gain": 2.0, "rate": 0.05, "low": 15.0, "state.x.loss": 0.04}
+        values |= {"state.x.gain": 0.008, "state.x.start": start}
+        p = real.parameters.with_values(values).values
+        u = np.repeat(rng.choice([0.0, 4.0, 8.0, 12.0], n // 50), 50)[:, None]
+        x = real.initial(p)
+        x[0] = 20.0
+        y = real.simulate(x, u, np.ones(n), p)[1] + 0.05 * rng.standard_normal((n, 1))
+        parts.append((u, y))
+    u, y = (np.concatenate(column) for column in zip(*parts, strict=True))
+    task = np.repeat([0, 1], n)
+    return model, make_block(t=np.arange(2 * n) * 10**9, u=u, y=y, task=task)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_term_is_found_beside_numbers_that_are_all_wrong(seed: int) -> None:
+    model, rows = chamber(seed)
+    windows = tuple(take(rows, a, a + 1000) for a in (0, 1000))
+    asked = Selection(("lag", "law", "state"), ("u", "x"), numbers=model.parameters.names)
+    found = improve(model, Form(), windows, 20.0, asked)
+    assert [term.kind for term in found.form.terms] == ["state"]
+    values = dict(zip(found.names, found.p.tolist(), strict=True))
+    for name, true in {"gain": 2.0, "rate": 0.05, "low": 15.0, "state.x.loss": 0.04}.items():
+        assert values[name] == pytest.approx(true, rel=0.1)

@@ -11,8 +11,9 @@ import pytest
 
 from evertwin.correction.describe import describe
 from evertwin.correction.evidence import gather
-from evertwin.correction.improve import Selection, improve, stack_of
+from evertwin.correction.improve import Selection, improve
 from evertwin.correction.intervals import profiled
+from evertwin.correction.stack import stack_of
 from evertwin.errors import ConfigError, LawBroken, UsageError
 from evertwin.fold import Block, make_block
 from evertwin.machines.mobile import Differential, Robot1D

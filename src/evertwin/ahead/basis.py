@@ -24,9 +24,10 @@ import numpy as np
 from evertwin.errors import DataError, UsageError
 from evertwin.fold import Answer, Block, Event, take
 from evertwin.ledger.versions import Versions
-from evertwin.models import Model, Restart, roll
+from evertwin.models import Model, Restart, observed, roll
 from evertwin.models.form import Version
 from evertwin.models.function import kernel_of
+from evertwin.models.kernel import ANEW
 from evertwin.refit.screening import screened
 from evertwin.rows.channels import unit_recorded
 from evertwin.rows.feed import Data, Feed
@@ -130,15 +131,15 @@ def draws(
 
 def state_after(model: Model, p: ParameterVector, rows: Block) -> StateVector:
     """The state after recorded rows, each trusted measurement adopted as it came, (nx,)."""
-    x0 = model.initial(p)
-    if len(x0) == 0:
-        return x0
+    if not len(model.states):
+        return model.initial(p)
     y = trusted(rows)
+    seen = observed(model, np.isfinite(y).any(axis=0))
     code = np.isfinite(y).any(axis=1).astype(np.uint8)
-    code[openings(rows)] = 2
-    kernel = kernel_of(model)
-    x, _ = roll(kernel, x0, rows.u, rows.dt, p, Restart(y, code, x0))
-    return x
+    code[openings(rows)] = ANEW
+    x0 = seen.initial(p)
+    x, _ = roll(kernel_of(seen), x0, rows.u, rows.dt, p, Restart(y, code, x0))
+    return x[: len(model.states)]
 
 
 def through(

@@ -28,7 +28,7 @@ from numpy.random import Generator
 
 from evertwin.errors import DataError
 from evertwin.fold import Block, take
-from evertwin.models import Model, Restart, roll
+from evertwin.models import Model, Restart, hidden_of, observed, roll
 from evertwin.models.function import kernel_of
 from evertwin.models.kernel import ADOPT
 from evertwin.sync.horizon import openings, residuals, restarts
@@ -129,7 +129,8 @@ class _Pairs(NamedTuple):
 
 
 def _pairs(model: Model, p: ParameterVector, windows: Sequence[Block], length: float) -> _Pairs:
-    kernel = kernel_of(model)
+    model = observed(model)
+    kernel, parts = kernel_of(model), len(hidden_of(model)) + 2
     x0, ny = model.initial(p), len(model.outputs)
     nothing = np.zeros((0, ny)), np.zeros((0, ny)), np.zeros(0, dtype=np.int64)
     found, stretches, pieces = [nothing], 0.0, 0
@@ -142,7 +143,7 @@ def _pairs(model: Model, p: ParameterVector, windows: Sequence[Block], length: f
             start = int(np.searchsorted(passed, (first + share) * length))
             if len(passed) - start < 3:
                 continue
-            plan = _begun(window, start, length, x0)
+            plan = _begun(window, start, (length, length / parts), x0)
             _, y = roll(kernel, x0, window.u, window.dt, p, plan)
             lead, off = _lead(passed, plan)[start:], residuals(model, window, y)[start:]
             since = passed[start:] - passed[start]
@@ -162,12 +163,14 @@ def _hidden(model: Model, x0: StateVector) -> bool:
     return bool(np.any(model.observe(moved, np.zeros(len(model.outputs))) == moved))
 
 
-def _begun(window: Block, start: int, length: float, x0: StateVector) -> Restart:
-    """Restarts from row ``start`` on; states that nothing measures come in over the rows before."""
+def _begun(window: Block, start: int, lengths: tuple[float, float], x0: StateVector) -> Restart:
+    """Restarts from row ``start`` on; states that nothing measures come in over the rows before.
+    ``lengths``: of a stretch, and from restart to restart before [s]."""
+    length, brief = lengths
     plan = restarts(take(window, start, len(window.t)), length, x0)
     if start == 0 or len(x0) == 0:
         return plan
-    before = restarts(take(window, 0, start), length, x0)
+    before = restarts(take(window, 0, start), brief, x0)
     code = np.concatenate([before.code, plan.code])
     if not openings(window)[start]:
         code[start], code[start + 1] = 0, max(code[start + 1], ADOPT)

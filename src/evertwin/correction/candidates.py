@@ -15,6 +15,7 @@ so that one procedure serves every machine. Each kind proposes its own.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from evertwin.models.terms.contract import Candidate
 from evertwin.models.terms.registry import KINDS, kind
@@ -28,3 +29,17 @@ def propose(rows: Rows, kinds: Sequence[str]) -> tuple[Candidate, ...]:
     places = {"*": -1} | {name: k for k, name in enumerate(rows.chosen)}
     last = len(places)
     return tuple(sorted(found, key=lambda c: (c.tier, places.get(c.term.channel, last))))
+
+
+def unstarted(candidate: Candidate) -> Candidate:
+    """What a state of its own begins with is estimated, not fitted.
+
+    >>> from evertwin.models.form import Term
+    >>> some = Candidate(Term("state", "T"), 2, ((0.1, 0.1, 0.0),), (0,) * 3, (1,) * 3, (0.1,) * 3)
+    >>> unstarted(some).fixed
+    (2,)
+    """
+    own = kind(candidate.term.kind)
+    names = [one.name for one in own.parameters(candidate.term, "1", "1")] if own.initials else []
+    starts = tuple(k for k, name in enumerate(names) if name in own.initials)
+    return replace(candidate, fixed=(*candidate.fixed, *starts))

@@ -24,7 +24,7 @@ import numpy as np
 
 from evertwin.errors import TooFew, UsageError
 from evertwin.fold import Block
-from evertwin.models import Model, Restart
+from evertwin.models import Model, Restart, observed, remembers
 from evertwin.models.batch import Batch
 from evertwin.models.kernel import ANEW
 from evertwin.signals import wrap
@@ -45,6 +45,8 @@ SAMPLES = 4
 RUN = 5
 """Neighbouring segments that go into one fold together."""
 FOLDS = 10
+FEW = 4
+"""Recordings of fewer segments than so many times those that are left out keep them."""
 TOGETHER = 16
 """Parameter vectors that are simulated at once: all rows of each are held."""
 FAILED = 1e3
@@ -72,6 +74,8 @@ class Evidence:
     """What was measured there, (m, ny)."""
     segment: Int64[np.ndarray, " m"]
     """Segment of each of these rows."""
+    since: Int64[np.ndarray, " m"]
+    """Segments of its recording before that one."""
     known: Float64[np.ndarray, "m ny"]
     """1 where measured and trusted, else 0."""
     scale: Vector
@@ -91,6 +95,18 @@ class Evidence:
         run = RUN if self.segments >= RUN * folds else 1
         return self.segment // run % folds
 
+    def settled(self, segments: int) -> Evidence:
+        """Without the first ``segments`` of each recording, by which a state that nothing measures
+        is estimated; of one that has few, with them."""
+        opening = np.cumsum(np.diff(self.segment, prepend=-1) * (self.since == 0))
+        most = np.zeros(int(opening.max()) + 1, dtype=np.int64)
+        np.maximum.at(most, opening, self.since + 1)
+        kept = (self.since >= segments) | (most[opening] < FEW * segments)
+        return replace(
+            self, rows=self.rows[kept], measured=self.measured[kept], since=self.since[kept],
+            known=self.known[kept], segment=np.unique(self.segment[kept], return_inverse=True)[1],
+        )  # fmt: skip
+
     def residual(self, model: Model, p: ParameterVector) -> Float64[np.ndarray, "m ny"]:
         """Scaled residuals of the rows looked at, (m, ny); 0 where nothing is known."""
         (found,) = self.residuals(model, p[None])
@@ -100,6 +116,7 @@ class Evidence:
         self, model: Model, p: Float64[np.ndarray, "k np"]
     ) -> list[Float64[np.ndarray, "m ny"]]:
         """`residual` of several parameter vectors at once."""
+        model = observed(model, np.asarray(self.known.any(axis=0)))
         restart, batch = Restart(self.adopts, self.code, model.initial(p[0])), Batch(model)
         scaled: list[Float64[np.ndarray, "m ny"]] = []
         for part in np.array_split(p, -(-len(p) // TOGETHER)):
@@ -145,12 +162,13 @@ def gather(
     if len(x0) == 0:
         raise UsageError("correction: expected a model with states, got a static map: tune it")
     reach = min(horizon, max(float(w.t[-1] - w.t[0]) * 1e-9 for w in windows))
-    plans = [restarts(w, horizon, x0) for w in windows]
+    plans = [restarts(w, horizon, x0, remembers(model)) for w in windows]
     asked = asked_of(model, outputs)
     known = [np.isfinite(residuals(model, w, np.zeros_like(w.y))) & asked for w in windows]
-    rows, segment, count, offset = [], [], 0, 0
+    rows, segment, since, count, offset = [], [], [], 0, 0
     for window, plan, usable in zip(windows, plans, known, strict=True):
-        chosen, numbers = _choose(window, plan.code, usable.any(axis=1), reach)
+        chosen, numbers, begun = _choose(window, plan.code, usable.any(axis=1), reach)
+        since.append(begun)
         rows.append(chosen + offset)
         segment.append(numbers + count)
         count += int(numbers[-1]) + 1 if len(numbers) else 0
@@ -165,7 +183,8 @@ def gather(
         np.concatenate([w.u for w in windows]), np.concatenate([w.dt for w in windows]),
         np.concatenate([plan.code for plan in plans]), np.concatenate([plan.y for plan in plans]),
         looked, np.concatenate([w.y for w in windows])[looked], np.concatenate(segment),
-        np.concatenate(known)[looked].astype(np.float64), np.ones(len(model.outputs)), reach,
+        np.concatenate(since), np.concatenate(known)[looked].astype(np.float64),
+        np.ones(len(model.outputs)), reach,
     )  # fmt: skip
     size = _scale(evidence, model, values) if scale is None else np.asarray(scale, dtype=np.float64)
     return replace(evidence, scale=size)
@@ -184,24 +203,29 @@ def asked_of(model: Model, outputs: Sequence[str]) -> Bools:
 
 def _choose(
     window: Block, code: np.ndarray, usable: Bools, reach: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Rows looked at in one window, and their segments from 0."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rows looked at in one window, their segments from 0, and those since it began anew."""
     starts, last = [], -math.inf
     seconds = (window.t - window.t[0]) * 1e-9
     for i in np.flatnonzero(code):
-        if code[i] == ANEW or seconds[i - 1] - last >= reach - 1e-6:
+        if code[i] >= ANEW or seconds[i - 1] - last >= reach - 1e-6:
             starts.append(i)
-            last = seconds[i] if code[i] == ANEW else seconds[i - 1]
+            last = seconds[i] if code[i] >= ANEW else seconds[i - 1]
     rows: list[int] = []
     segment: list[int] = []
+    since, passed = list[int](), 0
     for begin, end in zip(starts, [*starts[1:], len(code)], strict=True):
-        found = np.flatnonzero(usable[begin:end] & (code[begin:end] != ANEW)) + begin
+        passed = 0 if code[begin] >= ANEW else passed
+        found = np.flatnonzero(usable[begin:end] & (code[begin:end] < ANEW)) + begin
         if len(found) == 0 or seconds[found[-1]] - seconds[max(begin - 1, 0)] < 0.5 * reach:
             continue
         places = np.linspace(0, len(found), min(SAMPLES, len(found)) + 1)[1:].astype(int) - 1
         segment += [segment[-1] + 1 if segment else 0] * len(places)
+        since += [passed] * len(places)
+        passed += 1
         rows += found[places].tolist()
-    return np.array(rows, dtype=np.int64), np.array(segment, dtype=np.int64)
+    told = rows, segment, since
+    return tuple(np.array(one, dtype=np.int64) for one in told)  # type: ignore[return-value]
 
 
 def _scale(evidence: Evidence, model: Model, p: ParameterVector) -> Vector:

@@ -77,7 +77,8 @@ class Scored(NamedTuple):
 
 
 def fit_candidate(stack: Stack, candidate: Candidate, evidence: Evidence) -> Scored:
-    """The stack with the candidate on top, its numbers fitted, the others as they are."""
+    """The stack with the candidate on top, its numbers fitted beside those of the base model; those
+    of other terms as they are."""
     part = Part(
         candidate.term, candidate.starts[0], candidate.low, candidate.high, candidate.typical,
         candidate.fixed,
@@ -105,14 +106,14 @@ def refit(stack: Stack, evidence: Evidence) -> Scored:
     A small grid is scored as if it had not seen the fold, too; a large one as it is.
     """
     few = tuple(k for k, part in enumerate(stack.parts) if part.few and part.low)
-    if few:
+    if few or stack.tuned:
         stack = _solve(stack, _free(stack, few), evidence)[0]
     grids = tuple(
         k
         for k, part in enumerate(stack.parts)
         if isinstance(part.kind, GridTerm) and part.kind.rescored
     )
-    if not few and not grids:
+    if not few and not grids and not stack.tuned:
         residual = evidence.residual(stack.model, stack.p)
         return Scored(stack, evidence.deviations(residual))
     scored = score(stack, _free(stack, few + grids), evidence)
@@ -139,7 +140,8 @@ def _mean(stack: Stack, evidence: Evidence) -> float:
 
 
 def _free(stack: Stack, parts: Sequence[int]) -> Free:
-    rows = [
+    rows = list(stack.tuned)
+    rows += [
         (stack.first(k) + i, part.low[i], part.high[i], part.typical[i])
         for k in parts
         for part in (bounded(stack.parts[k]),)

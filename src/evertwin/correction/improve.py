@@ -32,26 +32,25 @@ What comes out is a proposal. It goes live through a trial on unseen data only.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from evertwin.correction.absorbed import absorbed
-from evertwin.correction.candidates import propose
+from evertwin.correction.candidates import propose, unstarted
 from evertwin.correction.describe import describe
 from evertwin.correction.evidence import Evidence, asked_of, gather, mean_deviation
 from evertwin.correction.fitting import Scored, confirm, fit_candidate, refit, settled
-from evertwin.correction.stack import Part, Stack
+from evertwin.correction.own_numbers import own_numbers
+from evertwin.correction.stack import Stack, stack_of
 from evertwin.errors import TooFew, UsageError
 from evertwin.fold import Block, plain
-from evertwin.models import Model
-from evertwin.models.corrected import Corrected
+from evertwin.models import Model, hidden_of, observed
 from evertwin.models.form import Form, Term
 from evertwin.models.terms.contract import FREE, SIMPLE, Candidate
 from evertwin.models.terms.registry import KINDS, kind
 from evertwin.models.terms.rows import Rows
-from evertwin.models.variants import in_variant
 from evertwin.types import Json, ParameterVector, Vector
 
 TINY = 1e-12
@@ -87,7 +86,8 @@ class Selection:
     outputs: tuple[str, ...] = ()
     """Outputs that terms have to pay on; empty: all. Nothing rides along that pays on others."""
     numbers: tuple[str, ...] = ()
-    """Numbers of the base model that may take over the gain of a law."""
+    """Numbers of the base model that are fitted beside every term, where they are few, and that may
+    take over the gain of a law."""
     least: int = 30
     """Fewest segments that a search may be based on."""
 
@@ -200,7 +200,12 @@ def improve(
             f"{evidence.segments}: give more data or a shorter horizon"
         )
     rows = Rows(stack.base, tuple(windows), chosen.channels, evidence.horizon, chosen.quantum)
-    search = _Search(evidence, propose(rows, chosen.kinds), chosen)
+    candidates = tuple(map(unstarted, propose(rows, chosen.kinds)))
+    begun = any(kind(one.term.kind).initials for one in candidates)
+    hidden = len(hidden_of(observed(stack.model))) + begun
+    evidence = evidence.settled(hidden + 1) if hidden else evidence
+    stack = replace(stack, tuned=own_numbers(stack, evidence, chosen.numbers))
+    search = _Search(evidence, candidates, chosen)
     return search.proposal(form, stack)
 
 
@@ -213,20 +218,6 @@ def prepare(
     inner = stack.p[: len(stack.inner)]
     scale = gather(stack.base, windows, horizon, p=inner, outputs=outputs).scale
     return stack, gather(stack.model, windows, horizon, scale, stack.p, outputs)
-
-
-def stack_of(model: Model, form: Form, p: ParameterVector | None = None) -> Stack:
-    """The form as a stack. Terms of a form come without bounds: they are not refitted."""
-    base = in_variant(model, dict(form.variant)) if form.variant else model
-    corrected = Corrected(base, form.terms)
-    values = corrected.parameters.values if p is None else p
-    at = len(base.parameters)
-    parts = []
-    for number, term in enumerate(form.terms):
-        size = len(corrected.names_of(number))
-        parts.append(Part(term, tuple(float(v) for v in values[at : at + size])))
-        at += size
-    return Stack(base, tuple(float(v) for v in values[: len(base.parameters)]), tuple(parts))
 
 
 @dataclass(frozen=True)

@@ -19,9 +19,10 @@ import numpy as np
 
 from evertwin.models import Model
 from evertwin.models.corrected import Corrected
-from evertwin.models.form import Term
+from evertwin.models.form import Form, Term
 from evertwin.models.terms.contract import CorrectionTerm
 from evertwin.models.terms.registry import kind
+from evertwin.models.variants import in_variant
 from evertwin.types import ParameterVector
 
 
@@ -71,6 +72,9 @@ class Stack:
     inner: tuple[float, ...]
     """Parameter values of the base model."""
     parts: tuple[Part, ...] = ()
+    tuned: tuple[tuple[int, float, float, float], ...] = ()
+    """Numbers of the base model that are fitted beside every term: place, bounds, size of a
+    considerable change."""
 
     @cached_property
     def model(self) -> Model:
@@ -109,4 +113,19 @@ class Stack:
             stop = at + len(part.values)
             parts.append(replace(part, values=tuple(float(v) for v in p[at:stop])))
             at = stop
-        return replace(self, parts=tuple(parts))
+        inner = tuple(float(v) for v in p[: len(self.inner)])
+        return replace(self, inner=inner, parts=tuple(parts))
+
+
+def stack_of(model: Model, form: Form, p: ParameterVector | None = None) -> Stack:
+    """The form as a stack. Terms of a form come without bounds: they are not refitted."""
+    base = in_variant(model, dict(form.variant)) if form.variant else model
+    corrected = Corrected(base, form.terms)
+    values = corrected.parameters.values if p is None else p
+    at = len(base.parameters)
+    parts = []
+    for number, term in enumerate(form.terms):
+        size = len(corrected.names_of(number))
+        parts.append(Part(term, tuple(float(v) for v in values[at : at + size])))
+        at += size
+    return Stack(base, tuple(float(v) for v in values[: len(base.parameters)]), tuple(parts))

@@ -99,9 +99,11 @@ class Rows:
 
     def _tuned_on(self, windows: Windows) -> tuple[Problem, Fit] | None:
         try:
-            posed = self.pose(windows).tuning(self.fit.names) if windows else None
-            if posed is None:
+            if not windows:
                 return None
+            posed = self.pose(windows)  # of fewer recordings, each of which has starts of its own
+            names = posed.parameters.names
+            posed = posed.tuning(tuple(n for n in self.fit.names if n in names))
             if posed.linear and _alike(windows, self.windows):
                 posed.__dict__["reduced"] = self._reduced._replace(y=posed.rows.y)
             return posed, self.tune(posed)

@@ -387,7 +387,7 @@ class Decide:
         track = new.take_over(copy(state.live.track), old, p)
         hidden = len(old.model.states)
         if len(track.x) > hidden and state.other.version == number:
-            track.x[hidden:] = state.other.horizon.x[hidden:]
+            track.x[hidden:] = state.other.horizon.x[hidden : len(track.x)]
         return track
 
     def _updates(self, lane: Any) -> int:

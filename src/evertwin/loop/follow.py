@@ -17,12 +17,15 @@ from evertwin.ledger.versions import Versions
 from evertwin.loop.contacts import unsure, watched
 from evertwin.loop.contradictions import compared
 from evertwin.loop.in_stream import following
+from evertwin.models import hidden_of, observed
 from evertwin.models.form import Form
+from evertwin.rows.channels import is_measured
 from evertwin.setup.released import Released
 from evertwin.setup.scores import NEVER, accumulate
 from evertwin.setup.setup import Setup
 from evertwin.setup.twin_state import PROBATION, TRIAL, Lane, TwinState
 from evertwin.sync import Horizon, Track
+from evertwin.sync.horizon_loop import SEGMENTS
 from evertwin.tuning import Following
 from evertwin.types import Outputs
 
@@ -79,7 +82,9 @@ class Follow:
             form = self.versions[number].form
             if form not in self._stages:
                 model = self.versions.model_of(form)
-                self._stages[form] = self.setup.track(model), Horizon(model, self.setup.horizon)
+                outputs = [is_measured(self.setup.spec, one) for one in model.outputs.names]
+                horizon = Horizon(observed(model, np.array(outputs)), self.setup.horizon)
+                self._stages[form] = self.setup.track(model), horizon
             self._of[number] = self._stages[form]
         return self._of[number]
 
@@ -145,9 +150,12 @@ class Follow:
         Otherwise the one would be judged nearer to what was measured last than the other.
         """
         lane, of = self.lane(number, tracked=False), live.horizon
-        shared = min(len(lane.horizon.x), len(of.x))
+        models = self.stages(number)[0].model, self.stages(live.version)[0].model
+        shared = min(len(model.states) for model in models)
         lane.horizon.x[:shared] = of.x[:shared]
         horizon = lane.horizon._replace(adopted=of.adopted.copy(), clock=of.clock.copy())
+        if set(hidden_of(self.stages(number)[1].model)) - set(range(shared)):
+            horizon.clock[SEGMENTS] = 0  # a state of its own, which is estimated first
         return lane._replace(horizon=horizon)
 
     def lane(self, number: int, *, tracked: bool) -> Lane:

@@ -23,6 +23,11 @@ if TYPE_CHECKING:
         python_kernel as python_kernel,
     )
     from evertwin.models.kernel import Kernel as Kernel, Restart as Restart
+    from evertwin.models.observing import (
+        hidden_of as hidden_of,
+        observed as observed,
+        remembers as remembers,
+    )
     from evertwin.models.parameters import Parameter as Parameter, Parameters as Parameters
     from evertwin.models.rollout import roll as roll
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from evertwin.types import Outputs, StateVector
 
-CONTINUE, ADOPT, ANEW = 0, 1, 2
+CONTINUE, ADOPT, ANEW, GAP = 0, 1, 2, 3
 
 
 class Restart(NamedTuple):
@@ -34,7 +34,8 @@ class Restart(NamedTuple):
     """Measured outputs of the rows, (n, ny); NaN adopts nothing."""
     code: np.ndarray
     """uint8, (n,): CONTINUE; ADOPT the outputs of the row before (never at row 0 of the call),
-    then simulate; ANEW: from ``x0`` and this row's outputs, which are not predicted (NaN)."""
+    then simulate; ANEW: from ``x0`` and this row's outputs, which are not predicted (NaN); GAP: as
+    ANEW, from the state before the row."""
     x0: StateVector
     """State that ANEW starts from."""
 

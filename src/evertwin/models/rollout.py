@@ -32,9 +32,12 @@ def roll_rows(
     u_at, out_at, y_at = u.ctypes.data, out.ctypes.data, y.ctypes.data
     c, a, b, parameters = context.ctypes.data, x.ctypes.data, ahead.ctypes.data, p.ctypes.data
     for i in range(n):
-        if code[i] == ANEW:
-            x[:] = x0
+        if code[i] >= ANEW:
             out[i, :] = np.nan
+            if code[i] == ANEW:
+                x[:] = x0
+            else:
+                call(observe, c, a, out_at + 8 * i * ny)  # nothing: what was expected is void
             call(observe, c, a, y_at + 8 * i * ny)
             continue
         if code[i] == ADOPT:

@@ -11,8 +11,9 @@ from typing import Any
 
 from evertwin.correction.describe import describe
 from evertwin.correction.evidence import gather
-from evertwin.correction.improve import Proposal, stack_of
+from evertwin.correction.improve import Proposal
 from evertwin.correction.intervals import parameters, profiled, scattered
+from evertwin.correction.stack import stack_of
 from evertwin.fold import Block, plain
 from evertwin.models import Model
 from evertwin.models.corrected import Corrected

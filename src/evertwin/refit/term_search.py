@@ -75,7 +75,10 @@ def with_terms(setup: Setup, work: Work, version: Version, problem: Problem) -> 
     without = Formed(problem, fit, version.form)
     if not (rule.in_fit and rule.terms):
         return without
-    settings = Selection(rule.terms, rule.channels, quantum=rule.quantum, outputs=rule.outputs)
+    settings = Selection(
+        rule.terms, rule.channels, quantum=rule.quantum, outputs=rule.outputs,
+        numbers=setup.editable,
+    )  # fmt: skip
     horizon = setup.horizon if rule.horizon is None else rule.horizon
     proposal = improve(setup.model, version.form, problem.windows, horizon, settings, version.p)
     search: dict[str, Any] = {

@@ -116,7 +116,8 @@ class Tuner:
 
     def left(self, version: Version, windows: Windows) -> Vector:
         """What a version is off by."""
-        return left(self.setup, self.versions.model_of(version.form), version.p, windows)
+        model = self.versions.model_of(version.form)
+        return left(self.setup, model, version.p, windows, self.known)
 
     def holds(self, problem: Problem, values: Vector) -> bool:
         """Is what is watched within the requirement?"""

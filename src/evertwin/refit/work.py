@@ -17,6 +17,7 @@ import numpy as np
 
 from evertwin.anomaly.verdict import Verdict, explained
 from evertwin.config.spec import TwinSpec
+from evertwin.correction.improve import Selection
 from evertwin.errors import DataError, ModelError, TooFew, UsageError
 from evertwin.fold import plain
 from evertwin.gauges.change import split, suddenly
@@ -153,7 +154,7 @@ class Work(Tuner):
         if found is not None:
             unseen = after(task.windows, rival.row)
             rows = newer(unseen, self.setup.enough) or task.windows
-            new = left(self.setup, *self._made(task.version, found), rows)
+            new = left(self.setup, *self._made(task.version, found), rows, self.known)
             gain = MUCH if self._pays(task, rival, unseen) else self.setup.trial.margin
             if np.nanmean(new / self.left(rival, rows)) <= 1.0 - gain:
                 return content
@@ -243,14 +244,15 @@ class Work(Tuner):
             "events": events, "fit": fit.to_dict(timing=False), "tuned": True, **rounds,
         }  # fmt: skip
         helps = verdict.kind != "abnormal" or verdict.alone or self._helps(verdict, fit)
-        if verdict.kind == "abnormal" and self._next() and not (helps and part >= NEARLY_ALL):
+        first = helps and part >= NEARLY_ALL and not self._ample(task, verdict)
+        if verdict.kind == "abnormal" and self._next() and not first:
             content["candidate"] = self._named(verdict, version, problem, events)
             content |= {} if content["candidate"] else {"next": self._next()}
         elif helps and part >= self.setup.trial.margin:  # less would not be worth a switch
             found = self.tuned(version, problem, fit, problem.windows, events)
             said = acting(chosen, problem, fit).said + alike
             content["candidate"] = found and found | {"reason": found["reason"] + said}
-        return content | since
+        return content if _wrong(task, verdict) else content | since
 
     def _named(
         self, verdict: Verdict, version: Version, problem: Problem, events: list[dict[str, Any]]
@@ -301,6 +303,11 @@ class Work(Tuner):
     def _next(self) -> str | None:
         """The form of a static map has ladders of its own."""
         return "correct" if self.setup.spec.correction.terms and not self.setup.static else None
+
+    def _ample(self, task: Task, verdict: Verdict) -> bool:
+        """Is the form wrong, and are there rows enough to look for terms?"""
+        seconds = sum(float(block.t[-1] - block.t[0]) * 1e-9 for block in task.windows)
+        return _wrong(task, verdict) and seconds >= Selection().least * self.setup.horizon
 
     def correct(self, task: Task) -> dict[str, Any]:
         """Searches for terms on top of the version's form: of one that held, on the rows since it
@@ -381,3 +388,8 @@ class Work(Tuner):
             return np.zeros((0, 2))
         u = np.concatenate([w.u[:, columns] for w in windows])
         return np.stack([np.nanmin(u, axis=0), np.nanmax(u, axis=0)], axis=1)
+
+
+def _wrong(task: Task, verdict: Verdict) -> bool:
+    """Is it the form? That looks as if the machine changed where it never held."""
+    return verdict.kind == "abnormal" and not verdict.cause and not task.held

@@ -26,7 +26,7 @@ import numpy as np
 from evertwin.config import TwinSpec
 from evertwin.errors import ConfigError
 from evertwin.fold import Block, Chunk, Event
-from evertwin.models import Model
+from evertwin.models import Model, remembers
 from evertwin.models.contract import is_adopted
 from evertwin.rows.channels import is_held, is_measured, recorded_as
 from evertwin.signals import Channel, Layout
@@ -93,7 +93,7 @@ class Alignment:
             np.inf if clock.gap is None else clock.gap, clock.rate,
             recorded={n: n.removeprefix(HELD) for n in columns.inputs},
             cut=any(one.op in WIDE for one in operations),
-            usual=clock.gap is None and is_adopted(model, known),
+            usual=clock.gap is None and (is_adopted(model, known) or remembers(model)),
         )  # fmt: skip
         span = tuple(
             nanoseconds(edge) if np.isfinite(edge) else int(np.sign(edge)) * 2**62

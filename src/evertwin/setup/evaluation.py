@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from evertwin.fold import Block
-from evertwin.models import Model, Restart
+from evertwin.models import Model, Restart, observed, remembers
 from evertwin.models.batch import Batch, mapped
 from evertwin.setup.setup import Setup
 from evertwin.signals.sizes import size
@@ -43,11 +43,14 @@ def predict(
     setup: Setup, model: Model, p: ParameterVector, window: Block, before: Sequence[Block] = ()
 ) -> Prediction:
     """A version's predictions of one window over the twin's horizon; ``before``: rows before it."""
-    x0 = model.initial(p)
-    if len(x0):
-        plan = restarts(window, setup.horizon, x0)
-        begun = begins(model, p, setup.horizon, (before, (window,))).get(window.row, x0)
-        y = Batch(model).run(window.u, window.dt, p[None], plan, begun[None])[0]
+    if len(model.states):
+        seen = observed(model, np.isfinite(window.y).any(axis=0))
+        x0 = seen.initial(p)
+        begun = begins(model, p, setup.horizon, (before, (window,))).get(window.row)
+        if begun is not None:
+            x0[: len(begun)] = begun
+        plan = restarts(window, setup.horizon, x0, remembers(seen))
+        y = Batch(seen).run(window.u, window.dt, p[None], plan, x0[None])[0]
     else:
         y = mapped(model, window.u, window.dt, p)
     residual = residuals(model, window, y)
@@ -186,9 +189,13 @@ def sizes(setup: Setup, problem: Problem, values: Vector) -> PerOutput:
     return np.array([size if np.isfinite(size) and size > 0 else 1.0 for size in found])
 
 
-def left(setup: Setup, model: Model, p: ParameterVector, windows: Sequence[Block]) -> PerOutput:
-    """Rms residual per output of a version, of rows that move; NaN where nothing was measured."""
-    seen = [predict(setup, model, p, window) for window in windows]
+def left(
+    setup: Setup, model: Model, p: ParameterVector, windows: Sequence[Block],
+    before: Sequence[Block] = (),
+) -> PerOutput:  # fmt: skip
+    """Rms residual per output of a version, of rows that move; NaN where nothing was measured.
+    ``before``: rows before them."""
+    seen = [predict(setup, model, p, window, before) for window in windows]
     found = np.concatenate([np.where(one.moving, one.residual, np.nan) for one in seen])
     rows = np.count_nonzero(np.isfinite(found), axis=0)
     return np.asarray(np.sqrt(np.nansum(found**2, axis=0) / np.where(rows, rows, np.nan)))

@@ -30,8 +30,8 @@ import numpy as np
 
 from evertwin.errors import UsageError
 from evertwin.fold import Block, Mark, Out
-from evertwin.models import Kernel, Model, Restart, kernel_of
-from evertwin.models.kernel import looped
+from evertwin.models import Kernel, Model, Restart, hidden_of, kernel_of
+from evertwin.models.kernel import GAP, looped
 from evertwin.signals import wrap
 from evertwin.sync.horizon_loop import NEVER, began, plan, run
 from evertwin.types import Bools, Inputs, Int64, Outputs, ParameterVector, StateVector, Vector
@@ -68,7 +68,7 @@ def trusted(block: Block) -> Outputs:
     return np.where((mark == Mark.OK) | (mark == Mark.OVERRULED), block.y, np.nan)
 
 
-def restarts(block: Block, horizon: float, x0: StateVector) -> Restart:
+def restarts(block: Block, horizon: float, x0: StateVector, keeps: bool = False) -> Restart:
     """Where predictions over ``horizon`` [s] start again, for `evertwin.models.roll`.
 
     The first row of the block starts anew. An infinite horizon is a free run per task.
@@ -77,6 +77,7 @@ def restarts(block: Block, horizon: float, x0: StateVector) -> Restart:
         block: rows of one or several tasks.
         horizon: length of a prediction [s]; ``inf`` for a free run.
         x0: state that a new start begins with, (nx,); empty for a static map: no restarts.
+        keeps: does the state last through a gap (`evertwin.models.remembers`)?
 
     Raises:
         UsageError: the horizon is not above zero.
@@ -89,6 +90,9 @@ def restarts(block: Block, horizon: float, x0: StateVector) -> Restart:
     adopts = np.full_like(y, np.nan)
     moved = block.mark[:, block.u.shape[1] :] == Mark.OVERRULED
     plan(block.t, openings(block), y, moved, nanoseconds(horizon), code, adopts)
+    if keeps:
+        same = np.append(False, block.task[1:] == block.task[:-1])
+        code[block.gap & same & finite(block.u)] = GAP
     return Restart(adopts, code, x0)
 
 
@@ -116,8 +120,9 @@ class HorizonState(NamedTuple):
     """Residuals in it, (ny,)."""
     adopted: Int64[np.ndarray, " ny"]
     """Stamp of each output's last adoption [ns]."""
-    clock: Int64[np.ndarray, " four"]
-    """Task of the last row, has a row come, start of the segment and stamp of the last row [ns]."""
+    clock: Int64[np.ndarray, " six"]
+    """Task of the last row, has a row come, start of the segment and stamp of the last row [ns],
+    segments since the state started anew, how often in a row they were too few."""
 
 
 class HorizonRows(NamedTuple):
@@ -182,15 +187,22 @@ class Horizon:
         return kernel_of(self.model)
 
     @cached_property
-    def _fixed(self) -> tuple[Bools, int]:
-        return self.model.outputs.angles, nanoseconds(self.horizon)
+    def _fixed(self) -> tuple[Bools, int, int]:
+        return self.model.outputs.angles, nanoseconds(self.horizon), self.settles
+
+    @property
+    def settles(self) -> int:
+        """Segments in the first horizon after a new start, which is no measure of the model: by
+        them its states that nothing measures are estimated."""
+        hidden = len(hidden_of(self.model))
+        return hidden and hidden + 1
 
     def init(self) -> HorizonState:
         """The state before the first row, with the model's own parameters."""
         p = self.model.parameters.values
         x0, ny = self.model.initial(p), len(self.model.outputs)
         scale = np.array(self.scale or (1.0,) * ny, dtype=np.float64)
-        adopted, clock = np.full(ny, NEVER), np.zeros(4, dtype=np.int64)
+        adopted, clock = np.full(ny, NEVER), np.zeros(6, dtype=np.int64)
         zeros = np.zeros(ny), np.zeros(ny, dtype=np.int64)
         return HorizonState(x0.copy(), p, x0, scale, *zeros, adopted, clock)
 

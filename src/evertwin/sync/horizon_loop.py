@@ -18,9 +18,12 @@ NEVER = np.iinfo(np.int64).min
 SLACK = 1_000
 """Stamps are rounded: a horizon counts as reached this many nanoseconds early."""
 OK, HELD, OVERRULED = 0, 2, 5
-TASK, BEGUN, END, LAST = 0, 1, 2, 3
+TASK, BEGUN, END, LAST, SEGMENTS, SHORT = range(6)
 """Places in a stream's ``clock``: task of the last row, has a row come?, stamp at which the segment
-began, stamp of the last row."""
+began, stamp of the last row; segments since the state started anew; how often in a row there were
+too few of them."""
+PATIENT = 20
+"""So many times too few segments: rows come in such pieces, which count then."""
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -99,13 +102,14 @@ def began(anew: Any, known: Any) -> Any:
 @njit(cache=True, error_model="numpy")
 def run(
     step: int, observe: int, context: Any, given: bool, t: Any, dt: Any, u: Any, y: Any, mark: Any,
-    task: Any, gap: Any, angle: Any, horizon: int, x: Any, p: Any, x0: Any, scale: Any, square: Any,
-    samples: Any, adopted: Any, clock: Any, out: Any, residual: Any, end: Any, sums: Any,
-    counts: Any,
+    task: Any, gap: Any, angle: Any, horizon: int, settles: int, x: Any, p: Any, x0: Any,
+    scale: Any, square: Any, samples: Any, adopted: Any, clock: Any, out: Any, residual: Any,
+    end: Any, sums: Any, counts: Any,
 ) -> None:  # fmt: skip
     """Rows through the model, adopting each output anew once the horizon has passed.
 
-    ``given``: ``out`` holds the predictions of a model without state already.
+    ``given``: ``out`` holds the predictions of a model without state already. ``settles``: segments
+    in the first horizon, which does not count, unless rows come in pieces that are shorter.
     """
     # longer than the budget: one row is one thought, and cutting it costs a third of the speed
     n, nu, ny, nx = u.shape[0], u.shape[1], y.shape[1], x.shape[0]
@@ -114,29 +118,37 @@ def run(
     c, a, b = context.ctypes.data, x.ctypes.data, ahead.ctypes.data
     parameters, take_at = p.ctypes.data, take.ctypes.data
     for i in range(n):
-        anew = clock[BEGUN] == 0 or gap[i] or task[i] != clock[TASK] or not is_known(u[i])
+        anew = clock[BEGUN] == 0 or task[i] != clock[TASK] or not is_known(u[i])
+        lasts = gap[i] and not anew and settles > 0
+        anew = anew or gap[i]
         if anew:
             # A segment that a gap cuts short counts if it is half a horizon long.
             enough = clock[LAST] - clock[END] >= horizon // 2 - SLACK
             if (enough or horizon == np.iinfo(np.int64).max) and samples.sum() > 0:
                 end[i], sums[i], counts[i] = True, square, samples
             square[:], samples[:], clock[END] = 0.0, 0, t[i]
+            few = clock[BEGUN] != 0 and (clock[SEGMENTS] < settles or clock[SHORT] > PATIENT)
+            clock[SHORT] = clock[SHORT] + 1 if few else 0
+            clock[SEGMENTS] = settles if clock[SHORT] > PATIENT else 0
         clock[BEGUN], clock[TASK], clock[LAST] = 1, task[i], t[i]
         failed = anew and nx > 0
         if not failed and not given:
             at = out_at + 8 * i * ny
             code = call(step, c, a, u_at + 8 * i * nu, dt[i], parameters, b, at)
             failed = code != 0 or not is_known(ahead)
-        if failed:
+        if failed and lasts:
+            out[i], take[:], adopted[:] = np.nan, np.nan, NEVER
+            call(observe, c, a, take_at)  # nothing: what was expected is void
+        elif failed:
             x[:], out[i] = x0, np.nan
             adopted[:] = NEVER
         else:
             x[:] = ahead
-        taken = False
+        taken, span = False, horizon // settles if clock[SEGMENTS] < settles else horizon
         for j in range(ny):
             level = mark[i, nu + j]
             known = y[i, j] == y[i, j] and level <= HELD
-            started = nx == 0 or adopted[j] != NEVER
+            started = nx == 0 or (adopted[j] != NEVER and clock[SEGMENTS] >= settles)
             residual[i, j] = np.nan
             take[j] = np.nan
             if known and started and out[i, j] == out[i, j]:
@@ -146,11 +158,12 @@ def run(
                 samples[j] += 1
             # What overruled the simulation is adopted at once, and no measure of the model.
             moved = y[i, j] == y[i, j] and level == OVERRULED
-            fresh = known and level == OK and is_due(t[i], adopted[j], horizon)
+            fresh = known and level == OK and is_due(t[i], adopted[j], span)
             if nx > 0 and (moved or fresh):
                 taken, take[j], adopted[j] = True, y[i, j], t[i]
         if taken:
             call(observe, c, a, take_at)
-        if (taken or nx == 0) and t[i] - clock[END] >= horizon - SLACK:
+        if (taken or nx == 0) and t[i] - clock[END] >= span - SLACK:
             end[i], sums[i], counts[i] = True, square, samples
             square[:], samples[:], clock[END] = 0.0, 0, t[i]
+            clock[SEGMENTS] += 1

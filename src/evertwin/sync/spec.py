@@ -114,8 +114,8 @@ class ClockSpec(Section):
     gap: Duration | None = None
     """Longest interval that is simulated over: behind a longer one the state starts anew. Absent:
     four times the longest of the usual intervals between samples (of whichever source; pauses that
-    come more often than one interval in 32 are usual), where the model's whole state is measured;
-    else any."""
+    come more often than one interval in 32 are usual), where the model's whole state is measured or
+    estimated; else (a model that another program simulates) any."""
     start: Seconds = -math.inf
     """Leave out what lies before, from the start of each task."""
     stop: Seconds = math.inf

@@ -32,7 +32,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from evertwin.fold import Block, Event, Out
-from evertwin.models import Kernel, Model, kernel_of
+from evertwin.models import Kernel, Model, kernel_of, remembers
 from evertwin.models.kernel import looped
 from evertwin.signals import Channel
 from evertwin.signals.mistaken import numbers
@@ -202,6 +202,7 @@ class Track:
             self.arbiter.rules(outputs),
             np.array(self.arbiter.sentinels, dtype=np.float64), members(outputs), column, edges,
             np.array([_bounds(one) for one in inputs]).reshape(-1, 2 + len(at.FACTORS)),
+            remembers(self.model),
         )  # fmt: skip
 
     def init(self) -> TrackState:

@@ -135,8 +135,8 @@ def hear(numbers: Any, g: int, stamp: int) -> None:
 def run(
     step: int, observe: int, context: Any, first: int, start: int, t: Any, dt: Any, u: Any, y: Any,
     mark: Any, task: Any, gap: Any, limits: Any, rules: Any, sentinels: Any, members: Any,
-    column: int, edges: Any, possible: Any, x: Any, p: Any, x0: Any, values: Any, numbers: Any,
-    figures: Any,
+    column: int, edges: Any, possible: Any, keeps: bool, x: Any, p: Any, x0: Any, values: Any,
+    numbers: Any, figures: Any,
     variance: Any, counts: Any, warm: Any, ring: Any, paths: Any, times: Any, rows: Any,
     expected: Any, ranges: Any, beliefs: Any, clock: Any, beside: Any, account: Any,
     matter: Any, out: Any, residual: Any, marks: Any,
@@ -171,7 +171,9 @@ def run(
         now = (first + i, t[i])
         refuse_impossible(ranges_of, known[0], known[1], notes, inputs, doubted, i, now, nx > 0)
         phase = phase_of(inputs, i, column, borders)
-        anew = clock[BEGUN] == 0 or gap[i] or task[i] != clock[TASK] or not is_row_known(inputs, i)
+        anew = clock[BEGUN] == 0 or task[i] != clock[TASK] or not is_row_known(inputs, i)
+        lasts = keeps and gap[i] and not anew
+        anew = anew or gap[i]
         for g in range(ng if clock[BEGUN] == 0 or gap[i] or task[i] != clock[TASK] else 0):
             numbers[g, at.HEARD] = t[i]
         clock[BEGUN], clock[TASK] = 1, task[i]
@@ -209,7 +211,7 @@ def run(
         if not usual:
             believe(known[0], known[1], notes, inputs, doubted, i, now, follows)
         for k in range(nx):
-            x[k] = x0[k] if failed else ahead[k]
+            x[k] = (x[k] if lasts else x0[k]) if failed else ahead[k]
         for j in range(ny):
             if failed:
                 predicted[j] = np.nan

@@ -12,7 +12,7 @@ from typing import TypeAlias
 import numpy as np
 
 from evertwin.fold import Block, concatenate, take
-from evertwin.models import Model
+from evertwin.models import Model, observed, remembers
 from evertwin.models.function import kernel_of
 from evertwin.models.rollout import roll
 from evertwin.sync.horizon import restarts
@@ -60,14 +60,23 @@ def begins(
         rows: those that are known, in order, and the windows.
     """
     before, windows = rows
-    x0, found = model.initial(p), Begins()
-    if not len(x0):
+    found = Begins()
+    if not len(model.states):
         return found
     for window in windows:
         lead = leading(before, window)
         if lead is not None:
-            plan = restarts(lead, horizon, x0)
-            x = roll(kernel_of(model), x0, lead.u, lead.dt, p, plan)[0]
+            seen = observed(model, np.isfinite(lead.y).any(axis=0))
+            x0 = seen.initial(p)
+            x = roll(
+                kernel_of(seen),
+                x0,
+                lead.u,
+                lead.dt,
+                p,
+                restarts(lead, horizon, x0, remembers(seen)),
+            )[0]
+            x = x[: len(model.states)]
             if np.isfinite(x).all():
                 found[window.row] = x
     return found

@@ -36,6 +36,7 @@ from evertwin.models import (
     Model,
     Parameters,
     Restart,
+    remembers,
 )
 from evertwin.models.batch import Batch, mapped
 from evertwin.models.kernel import ANEW
@@ -201,7 +202,8 @@ class Problem:
     def restart(self) -> Restart:
         """Where predictions start anew, over all windows."""
         x0 = self.model.initial(self.parameters.values)
-        found = [restarts(block, self.horizon, x0) for block in self.windows]
+        keeps = remembers(self.model)
+        found = [restarts(block, self.horizon, x0, keeps) for block in self.windows]
         return Restart(joined([r.y for r in found]), joined([r.code for r in found]), x0)
 
     def smooth(self, columns: Any) -> Any:
