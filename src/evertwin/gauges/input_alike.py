@@ -83,6 +83,7 @@ def _off(rows: Rows, k: int, scaled: bool) -> tuple[float, float, str] | None:
     size = in_words.difference(rows.setup, channel, by)
     if scaled:
         size = f"{100 * by:+.3g} %" if abs(by) < MANY else share(by)
+        size += f", or {channel.name} that acts by {100 / (1.0 + by):.3g} % of what is recorded,"
     return ours, tuned, f"{channel.name} that is off by {size}"
 
 
