@@ -8,7 +8,7 @@ gate cannot do that, so each sample of a signal group passes four steps:
 1. *Syntax*: NaN, infinity, refused by its source → error.
 2. *Hard plausibility*: range, rate, frozen while the model predicts motion (one value, two in
    turn, or less scatter than the sensor's own noise; spikes in between), sentinel code, suspected
-   factor (10ⁿ, 180/π, 25.4, a foot, −1) → obvious error: predict on, less certain.
+   factor (10ⁿ, 180/π, 25.4, a foot, −1; rpm of rad/s) → obvious error: predict on, less certain.
 3. *Innovation gate*: innovation² ≤ gate²·S + path². S is the arbiter's own, from the statistics of
    the innovation (per phase where one is set), growing while it predicts; path is twice
    what the model predicted to move since the last trusted sample, or usually does (the tolerance,
