@@ -74,3 +74,22 @@ def test_a_wrong_time_constant_is_no_lag(seed: int) -> None:
     assert not oven(seed, tau=400.0).of_kind("lag")
     (finding,) = oven(seed, late=12).of_kind("lag")
     assert finding.evidence["temperature"]["seconds"] == pytest.approx(36.0, abs=12.0)
+
+
+@pytest.mark.parametrize("fastest", [80.0, 300.0, 900.0])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_motor_turns_as_fast_as_it_is_said_to(seed: int, fastest: float) -> None:
+    rng, n, speed = np.random.default_rng(seed), 1200, Layout.of(speed="rad/s")
+    current = np.repeat(rng.uniform(0.2, 1.0, n // 40), 40)
+    numbers = Parameters.of(gain=(0.8 * fastest, "rad/s/A"), T=(0.5, "s"))
+    model = Translated(step, Layout.of(current="A"), speed, speed, numbers)
+    _, y = model.simulate(np.zeros(1), current[:, None], np.full(n, 0.1), np.array([fastest, 0.6]))
+    data = {
+        "t": 0.1 * np.arange(n), "current": np.roll(current, -1),
+        "speed": y[:, 0] + rng.normal(0.0, 1e-3 * fastest, n),
+    }  # fmt: skip
+    spec = TwinSpec("motor", ModelSpec("python"), prediction=PredictionSpec(horizon=2.0))
+    with Twin(spec, model) as twin:
+        assert not twin.doctor(data).of_kind("unit")
+        data["speed"][n // 2 :] *= 30 / np.pi
+        assert "rpm for rad/s" in str(twin.doctor(data))

@@ -70,6 +70,28 @@ def test_ten_lines_run_are_tuned_and_promoted(tmp_path: Path) -> None:
     assert champion["leak"].value == pytest.approx(0.16, abs=0.005)
 
 
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("named", ["", '[tuning]\neditable = ["*"]\n'])
+def test_a_number_whose_bounds_are_alike_is_fixed(tmp_path: Path, seed: int, named: str) -> None:
+    items = '(Parameter("leak", 0.1, "1/s", 0.0, 1.0), Parameter("gain", 1.0, "1", 1.0, 1.0))'
+    text = TEN.replace("Layout, Parameters", "Layout, Parameter, Parameters")
+    text = text.replace('Parameters.of(leak=(0.1, "1/s"))', f"Parameters({items})")
+    (tmp_path / "tank.py").write_text(text.replace("(u[0] -", "(p[1] * u[0] -"))
+    (tmp_path / "tank.toml").write_text(TWIN + named)
+    rng = np.random.default_rng(seed)
+    inflow = np.repeat(rng.uniform(0.0, 0.2, 30), 40)
+    level = np.zeros(1200)
+    for k in range(1199):
+        level[k + 1] = level[k] + 0.1 * (inflow[k] - 0.16 * level[k])
+    level += rng.normal(0, 0.002, 1200)
+    rows = {"t": 0.1 * np.arange(1200), "inflow": inflow, "level": level}
+    with Twin.open(tmp_path / "tank.toml") as twin:
+        found = twin.fit(rows).parameters
+        assert not twin.doctor(rows).findings
+    assert found["leak"].value == pytest.approx(0.16, abs=0.005)
+    assert found["gain"].value == 1.0
+
+
 @pytest.mark.parametrize(
     ("line", "told"),
     [

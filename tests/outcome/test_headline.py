@@ -309,6 +309,25 @@ def test_single_contradictions_of_a_rough_model_are_not_told() -> None:
     assert "x (1×)" in text(1, "frozen")
 
 
+@pytest.mark.parametrize(("first", "last", "version"), [(0.004, 0.004, 0), (0.029, 0.004, 1)])
+def test_a_twin_whose_rows_are_refused_to_the_end_is_not_called_fitting(
+    first: float, last: float, version: int
+) -> None:
+    factor = {"cause": "factor", "onset": 3, "end": 9}
+    restored = Event(20, 0, "measurement_restored", "pose", "no longer off", factor)
+    fault = Event(9, 0, "measurement_error", "pose", "off by a factor of 100", factor)
+    with Twin(ROBOT) as twin:
+        champion = replace(twin.champion, number=version, reason="tuned gain")
+        group = twin.setup.model.outputs.channels[0].group
+        events = [replace(one, signal=group) for one in (fault, restored)]
+        told, over = (
+            headline(twin.setup, figures(first, last), (champion,), some, None)
+            for some in (events[:1], events)
+        )
+    assert "believed it is within what is asked" in told and "fits its machine" not in told
+    assert "The twin fits its machine" in over
+
+
 def test_what_was_changed_counts_from_the_version_before() -> None:
     with Twin(ROBOT) as twin:
         before = replace(twin.champion, number=1, values=(0.9,), reason="tuned gain")
@@ -357,3 +376,4 @@ def test_a_deviation_is_told_in_the_unit_that_the_twin_file_records_it_in() -> N
         one = replace(figures(0.3048, 0.3048)["x"], recorded="ft")
         text = headline(twin.setup, {"x": one}, (twin.champion,), [], None)
     assert "x is off by 1 ft" in text and "where 0.033 ft is asked" in text
+    assert spoken(1.5, "rad/s", "rad/s") == "1.5 rad/s"

@@ -53,3 +53,21 @@ def test_the_start_that_leaves_least_is_taken(tmp_path: Path, seed: int) -> None
     assert "lag" in [term.kind for term in found.form.terms]
     assert found.fit.residuals[0].rms_after < 2.0 * NOISE
     assert found.parameters["lag.tau"].value == pytest.approx(tau, rel=0.15)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_terms_that_tuned_numbers_do_without_are_not_listed_as_found(
+    tmp_path: Path, seed: int
+) -> None:
+    """Its gain is far off: terms find what tuning finds as well."""
+    rng = np.random.default_rng(seed)
+    v = np.repeat(rng.uniform(-0.5, 0.5, 50), 60)
+    x = np.r_[0.0, np.cumsum(STEP * GAIN * v[:-1])] + rng.normal(0.0, NOISE, len(v))
+    rows = np.stack([STEP * np.arange(len(v)), v, x], axis=1)
+    text = TWIN.replace("value = 0.8", "value = 0.6, editable = true")
+    (tmp_path / "cart.toml").write_text(text)
+    np.savetxt(tmp_path / "a.csv", rows, "%.9g", ",", header="t,v,x", comments="")
+    with Twin.open(tmp_path / "cart.toml") as twin:
+        found = twin.fit([str(tmp_path / "a.csv")])
+    (said,) = [line for line in str(found).splitlines() if line.startswith("terms: ")]
+    assert not found.form.terms and "would leave hardly less" in said

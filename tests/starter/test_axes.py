@@ -185,3 +185,19 @@ def test_an_oven_is_asked_in_kelvin(written: Written, capsys: pytest.CaptureFixt
     assert re.search(r'tolerance = "[\d.]+ K"', text) and " cm" not in text
     with Twin.open(out) as twin:
         assert np.isfinite(twin.run().outputs["box"].rms_after)
+
+
+@pytest.mark.parametrize(
+    ("drives", "fastest", "unit", "rotary"),
+    [("current", 60.0, "rad/s", True), ("current", 119.0, "rad/s", True),
+     ("Moment", 700.0, "rad/s", True),
+     ("force", 119.0, "mm/s", False), ("current", 0.4, "m/s", False)],
+)  # fmt: skip
+def test_a_speed_that_no_slide_has_is_of_a_shaft(
+    drives: str, fastest: float, unit: str, rotary: bool, written: Written,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    path = written({"speed": fastest * SPEED / 0.53, drives: FORCE})
+    text = proposed(path, "drive_force", capsys)[0].read_text()
+    assert f'column = "speed", unit = "{unit}"' in text
+    assert ("rotary = true" in text) is rotary

@@ -114,3 +114,32 @@ def test_a_recording_on_which_nothing_tells_its_start_is_fitted_all_the_same() -
     assert fit["upper_start"] == pytest.approx(1.0, abs=0.05)
     assert fit.verdict[2] == "not"
     assert fit["upper_start of recording 2"] == 0.5
+
+
+def cell(x: Any, u: Any, dt: float, p: Any) -> tuple[list[float], list[float]]:
+    """The voltage that a current takes from a cell: at once, and after a while."""
+    late = x[0] + dt * (p[1] * u[0] - x[0]) / p[2]
+    return [late], [-p[0] * u[0] - late]
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("wrong", [0.0, 0.004])
+def test_transients_tell_numbers_unless_the_form_is_wrong_in_them(seed: int, wrong: float) -> None:
+    rng = np.random.default_rng(seed)
+    model = Translated(
+        cell, Layout.of(current="A"), Layout.of(voltage="V"), Layout.of(late="V"),
+        Parameters.of(R0=(0.03, "ohm"), R1=(0.01, "ohm"), t1=(9.0, "s")),
+    )  # fmt: skip
+    truth, n = np.array([0.02, 0.015, 12.0]), 7200
+    u = np.repeat(rng.uniform(-4.0, 5.0, n // 240), 240)[:, None]
+    _, y = model.simulate(np.zeros(1), u, np.ones(n), truth)
+    since = np.arange(n) % 240
+    y[:, 0] += np.where(since < 12, wrong * rng.normal(0.0, 1.0, n), 0.0)  # unlike the model
+    y += rng.normal(0.0, 1e-3, y.shape)
+    rows = make_block(t=np.arange(n) * 10**9, u=u, y=y)
+    fit = solve(Problem(model, (rows,), ("R0", "R1", "t1")))
+    if wrong:
+        assert "not" in fit.verdict
+    else:
+        assert set(fit.verdict) == {"identifiable"}
+        assert fit.values == pytest.approx(truth, rel=0.03)

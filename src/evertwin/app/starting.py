@@ -88,7 +88,7 @@ def _draft(out: Path, model: tuple[str, Path | None], seen: tuple[Seen, ...]) ->
         for options in options_of(kind, urdf, _own(out))
         for built in (None if kind == "python" else machine(kind, answered(options)),)
     ]
-    return min(drafts, key=lambda one: len(one.questions))
+    return min(drafts, key=lambda one: (len(one.questions), one.forced))
 
 
 def _pump(out: Path, seen: tuple[Seen, ...]) -> Draft:

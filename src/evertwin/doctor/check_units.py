@@ -43,7 +43,10 @@ _ANGLES, _LENGTHS = ("rad", "rad/s", "rad/s^2"), ("m", "m/s", "m/s^2")
 _RATES = ("m/s", "rad/s", "m^3/s", "kg/s", "1/s", "s")
 FACTORS: tuple[tuple[float, str, tuple[str, ...]], ...] = (
     (-1.0, "-1 (the sign is reversed)", ()),
-    *((10.0**n, f"10^{n}", ()) for n in (1, -1, 2, -2, 3, -3, 6, -6)),
+    (math.pi / 30, "pi/30 (rpm taken for rad/s)", ("rad/s",)),
+    (30 / math.pi, "30/pi (rad/s taken for rpm)", ("rad/s",)),
+    (9.80665, "9.807 (kilograms taken for newtons)", ("N",)),
+    (1 / 9.80665, "1/9.807 (newtons taken for kilograms)", ("N",)),
     (math.pi / 180, "pi/180 (degrees taken for radians)", _ANGLES),
     (180 / math.pi, "180/pi (radians taken for degrees)", _ANGLES),
     (25.4, "25.4 (inches taken for millimetres)", _LENGTHS),
@@ -51,6 +54,7 @@ FACTORS: tuple[tuple[float, str, tuple[str, ...]], ...] = (
     (60.0, "60 (per second and per minute)", _RATES),
     (1 / 60, "1/60 (per second and per minute)", _RATES),
     (3.6, "3.6 (m/s and km/h)", ("m/s",)), (1 / 3.6, "1/3.6 (m/s and km/h)", ("m/s",)),
+    *((10.0**n, f"10^{n}", ()) for n in (1, -1, 2, -2, 3, -3, 6, -6)),
 )  # fmt: skip
 """What a recording has to be multiplied by, what that stands for, and the quantities that it may be
 of; none: of any."""
@@ -59,6 +63,8 @@ WRONG, BETTER = 0.6, 0.5
 ROWS = 3000
 """Rows that factors are tried on."""
 _Numbers: TypeAlias = Callable[[View, Callable[[Block], Block]], ParameterVector]
+JOINT, SHAFT = 60.0, 1000.0
+"""Speed [rad/s] that no joint or body turns at, whose angle is a channel, too; and no motor."""
 ROUNDS = 5
 """Times that numbers are tuned anew at a lag that was found."""
 
@@ -84,10 +90,9 @@ _Factor: TypeAlias = tuple[_Suspect, float]
 
 def look_units(view: View, figures: dict[str, Any]) -> list[Finding]:
     """Channels whose unit or sign does not fit the model."""
-    found, applied = list(_ranges(view)), tuple[_Factor, ...]()
-    window = _liveliest(view)
-    found += _exchanged(view, window)
+    window, applied = _liveliest(view), tuple[_Factor, ...]()
     at_start = changed(view, view.version.p, window).mismatch
+    found = [*_ranges(view, fits=bool((at_start <= WRONG).all())), *_exchanged(view, window)]
     figures["mismatch"] = dict(zip(view.model.outputs.names, at_start.tolist(), strict=True))
     for _ in range(0 if "exchanged" in {one.kind for one in found} else 4):
         p = _numbers(view, partial(_scaled, by=applied))
@@ -153,9 +158,11 @@ def _told(view: View, best: list[_Hypothesis], before: Vector) -> Finding:
     )  # fmt: skip
 
 
-def _ranges(view: View) -> Iterator[Finding]:
-    """Values that no machine has in the unit that is declared."""
-    spec = view.setup.spec
+def _ranges(view: View, fits: bool) -> Iterator[Finding]:
+    """Values that no machine has in the unit that is declared; ``fits``: does the model say them,
+    too? Then a shaft turns as fast as it is said to."""
+    spec, layouts = view.setup.spec, (view.model.inputs, view.model.outputs)
+    turning = JOINT if any(one.unit == "rad" for layout in layouts for one in layout) else SHAFT
     stated = {name: c.unit for source in spec.source for name, c in source.channels.items()}
     stated |= {one.name: "computed" for one in spec.derive}
     for layout, columns in (
@@ -174,8 +181,10 @@ def _ranges(view: View) -> Iterator[Finding]:
                 hint = "degrees Celsius taken for kelvin: unit = 'degC'"
             elif stated.get(recorded_as(spec, channel.name), "") not in ("", channel.unit):
                 continue  # it was converted from a unit that somebody gave
-            elif channel.unit == "rad/s" and size > 60:
+            elif channel.unit == "rad/s" and size > turning and not fits:
                 hint = "degrees taken for radians (pi/180)? unit = 'deg/s'"
+                if turning == SHAFT:
+                    hint = "rpm taken for rad/s (pi/30)? unit = 'rpm'"
             elif channel.unit == "rad" and channel.kind == "angle" and size > 50:
                 hint = "degrees taken for radians (pi/180)? unit = 'deg'"
             if hint:

@@ -56,6 +56,11 @@ class Parameter:
                 f"got {self.value}: change the value or its bounds"
             )
 
+    @property
+    def fixed(self) -> bool:
+        """Do its bounds leave it one value? Then nothing tunes it."""
+        return self.low == self.high
+
 
 @dataclass(frozen=True)
 class Parameters:
@@ -100,7 +105,7 @@ class Parameters:
     @cached_property
     def editable(self) -> tuple[str, ...]:
         """Names of the parameters that tuning may change."""
-        return tuple(item.name for item in self.items if item.editable)
+        return tuple(item.name for item in self.items if item.editable and not item.fixed)
 
     def index(self, name: str) -> int:
         """Position of ``name`` in ``p``.

@@ -7,6 +7,7 @@ the deviation in a person's units, how far ahead it is predicted, and what to do
 from __future__ import annotations
 
 import math
+import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -40,6 +41,8 @@ OFTEN = 10
 """Contacts in a run from which on it is said that they may be none."""
 ROUGH = 3.0
 """A jump of fewer times what the model is off by is no news of its sensor."""
+FITS = re.compile("The twin fits its machine(?: now)?")
+"""What is said of a twin, unless rows of an output are refused to the end."""
 NO_MACHINE = ("not physical: ", "outside: ")
 """How a rejection begins of numbers that no machine has, whatever they explain."""
 
@@ -67,9 +70,12 @@ def headline(
     if stepped:  # simulated only where it matters
         stays = remembered(setup.model, setup.model.parameters.values, setup.horizon)
         stepped = jumps(events, units, least, stays)
-    faults = {**stepped, **open_faults(events)}
+    refused = open_faults(events)
+    faults = {**stepped, **refused}
     if known:
         outcome = _outcome(setup, known, versions, events, trial)
+        if refused.keys() & {one.group for one in setup.model.outputs}:
+            outcome = FITS.sub("On the rows that were believed it is within what is asked", outcome)
     elif champion.number:
         outcome = (
             f"Version {champion.number} is live ({shorter(champion.reason)}); no row since then "

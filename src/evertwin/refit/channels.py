@@ -8,6 +8,7 @@ from typing import NamedTuple
 from evertwin.errors import DataError, ModelError
 from evertwin.gauges.change import suddenly
 from evertwin.gauges.gauge import misgauged, reread
+from evertwin.gauges.input_alike import alike_inputs
 from evertwin.gauges.offset import leapt
 from evertwin.gauges.output_shift import shifted_output
 from evertwin.gauges.sensor_change import SensorChange
@@ -43,7 +44,8 @@ def of_a_channel(
         return Asked(found)
     if not told and (found := leapt(rows)):  # a step and its size, before what goes in lines
         return Asked(found)
-    return Asked(*shifted_output(rows))  # of what no number of the machine explains, too
+    change, alike = shifted_output(rows)  # of what no number of the machine explains, too
+    return Asked(change, alike if change else alike + alike_inputs(rows))
 
 
 def _reread(tuner: Tuner, task: Task, names: tuple[str, ...]) -> SensorChange | None:

@@ -184,6 +184,12 @@ class FitResult:
         if not self.search:
             return []
         found = self.search
+        if not self.form.terms and "tuned" in found:  # the tuned numbers do as well without them
+            left = ", ".join(
+                f"{one['output']} {one['without']:.3g} -> {one['with']:.3g}"
+                for one in found["tuned"]
+            )
+            return [f"none: {'; '.join(found['describes'])} would leave hardly less (rms {left})"]
         terms = ", ".join(f"{t.kind} on {t.channel}" for t in self.form.terms) or "none"
         return [
             f"{terms} (held-out deviation over {found['horizon']:g} s, relative to the residual "

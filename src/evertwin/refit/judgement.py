@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from evertwin.anomaly.verdict import Verdict, branch, explained
+from evertwin.correction.improve import Selection
+from evertwin.gauges.change import likely, split
+from evertwin.gauges.gauge_rows import unchanged
 from evertwin.gauges.noise import buried
 from evertwin.setup.evaluation import falls_short
 from evertwin.setup.setup import Setup
@@ -31,7 +37,29 @@ def partly(names: Sequence[str], editable: Sequence[str]) -> Verdict:
 
 
 def judged(setup: Setup, problem: Problem, fit: Fit) -> Verdict:
-    """Normal, abnormal or noise, with the cause that explains most."""
+    """Normal, abnormal or noise, with the cause that explains most; and what a form waits for."""
+    found = _judged(setup, problem, fit)
+    later = _too_early(setup, problem) if found.kind == "abnormal" else ""
+    return replace(found, reason=found.reason + later) if later else found
+
+
+def _too_early(setup: Setup, problem: Problem) -> str:
+    """That a correction is not looked for on so few predictions, and how long that takes."""
+    rule, horizon, least = setup.spec.correction, setup.horizon, Selection().least
+    if setup.static or rule.translated or not (rule.terms and math.isfinite(horizon)):
+        return ""
+    with np.errstate(all="ignore"):
+        place = likely(unchanged(problem))  # rows before a change are of another machine
+    seconds = sum(float(w.dt.sum()) for w in split(problem.windows, place)[1])
+    if seconds >= least * horizon:
+        return ""
+    return (
+        f"; a correction is looked for from {least} predictions of {horizon:g} s on, in "
+        f"{least * horizon - seconds:.0f} s of such rows"
+    )
+
+
+def _judged(setup: Setup, problem: Problem, fit: Fit) -> Verdict:
     refits = {}
     there = problem.model.parameters.names
     for cause, names in setup.causes.items():

@@ -306,9 +306,9 @@ class Setup:
     @cached_property
     def editable(self) -> tuple[str, ...]:
         """Names of the base model's parameters that may be tuned."""
-        names, given = self.model.parameters.names, self.spec.tuning.editable
-        own = self.model.parameters.editable
-        return own if given is None else matching(names, given, key="editable")
+        own, given = self.model.parameters, self.spec.tuning.editable
+        found = own.editable if given is None else matching(own.names, given, key="editable")
+        return tuple(name for name in found if not own[name].fixed)
 
     @cached_property
     def weights(self) -> dict[str, float]:

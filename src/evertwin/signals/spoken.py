@@ -64,6 +64,8 @@ def share(value: float) -> str:
 
 def suited(size: float, unit: str, recorded: str = "") -> tuple[str, float]:
     """The unit that suits a size, and what an SI number is multiplied by."""
+    if recorded == "rad/s" == unit:  # nobody who records it so thinks in degrees
+        return recorded, 1.0
     if recorded not in ("", "1", unit) and recorded not in _ALIKE:
         return recorded, 1.0 / conversion_of(recorded)[0]
     steps = _SMALLER.get(unit, ((0.0, unit, 1.0),))

@@ -23,12 +23,13 @@ from evertwin.signals import conversion
 from evertwin.starter.named import short
 from evertwin.starter.proposal import ASK, Match, Proposal, position, together
 from evertwin.starter.seen import Seen
-from evertwin.starter.words import same_kind
+from evertwin.starter.words import quantity, same_kind, words
 
 PERIODS = ("ts", "dt", "t_s", "sampling_time", "sample_time")
 """Names of a column that holds one number: seconds from row to row."""
 NAMED = 3
 """Recordings that are named in the first line."""
+EFFORTS = {"force", "torque"}
 FASTEST = 200.0
 """Rows per second that a static map is resampled to at most: motion is slower."""
 
@@ -95,6 +96,17 @@ class Draft:
     def static(self) -> bool:
         """Is it a map from motion to force?"""
         return self.model is not None and len(self.model.states) == 0
+
+    @property
+    def forced(self) -> int:
+        """Channels for which a column has to be in another unit than SI, though nobody says so, or
+        to be another effort than its heading says."""
+        columns = {(s, c.name): c.unit for s, one in enumerate(self.seen) for c in one.columns}
+        return sum(
+            (columns.get((m.source, m.column)) == "" and conversion(m.unit)[0] != 1.0)
+            + (quantity(words(m.column)) in EFFORTS - {m.channel} and m.channel in EFFORTS)
+            for m in self.proposal.matches
+        )
 
     @property
     def period(self) -> float | None:

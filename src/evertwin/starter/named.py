@@ -45,8 +45,10 @@ _DRIVING = {"vir", "voltage", "volt", "u", "current", "cur", "i", "torque"}
 _EFFORTS, _DRIVES = {"N": "", "Nm": "torque"}, ("A", "V", "Nm")
 _QUATERNION = {"orientation", "quaternion"}
 _LEAST = 0.45
+SHAFT = "rad/s of a shaft"
 _RANGES = (
     ("rad", "deg", 7.0, math.inf),
+    (SHAFT, "rpm", 1000.0, math.inf),
     ("rad/s", "deg/s", 60.0, math.inf),
     ("K", "degC", -math.inf, 200.0),
     ("m", "mm", 1000.0, math.inf),
@@ -85,7 +87,7 @@ def matched(
     for i, channel in enumerate(channels):
         if i in taken:
             s, column = columns[taken[i]]
-            unit, scale, reason = unit_of(channel.unit, column)
+            unit, scale, reason = unit_of(channel.unit, column, shaft=channel.name == "speed")
             if column.low == column.high:
                 reason = f"{column.name} would do, but stays at {column.low:g} in these recordings"
                 out.append(Match(channel.name, s, ASK, unit, reason))
@@ -115,7 +117,7 @@ def sole(
         ]  # fmt: skip
         if len(fits) == 1:
             ((s, column),) = fits
-            unit, scale, reason = unit_of(channel.unit, column)
+            unit, scale, reason = unit_of(channel.unit, column, shaft=channel.name == "speed")
             reason = f"the only one in {unit}" if scale == 1.0 else reason
             out.append(Match(channel.name, s, column.name, unit, reason, scale))
     return tuple(out)
@@ -132,8 +134,11 @@ def _measures(unit: str, channel: Channel) -> bool:
     return any(same_kind(unit, kind) for kind in kinds)
 
 
-def unit_of(wanted: str, column: ColumnInfo) -> tuple[str, Answer, str]:
-    """Unit of a column that feeds a channel in ``wanted``, its scale, and why."""
+def unit_of(wanted: str, column: ColumnInfo, shaft: bool = False) -> tuple[str, Answer, str]:
+    """Unit of a column that feeds a channel in ``wanted``, its scale, and why.
+
+    A ``shaft`` turns faster than a joint or a base.
+    """
     said, named = words(column.name), column.unit == said_unit(column.name)
     if column.unit and unit_problem(column.unit):
         return wanted, ASK, f"the file says {column.unit!r}: how many {wanted} is one?"
@@ -152,10 +157,11 @@ def unit_of(wanted: str, column: ColumnInfo) -> tuple[str, Answer, str]:
         what = "force" if wanted == "N" else "torque"
         return wanted, ASK, f"drives the {what}: how many {wanted} is one?"
     largest = max(abs(column.low), abs(column.high))
+    range_of = SHAFT if shaft and wanted == "rad/s" else wanted
     for inside, outside, above, below in _RANGES:
-        if wanted == inside and above < largest < below and (EAST | NORTH).isdisjoint(said):
+        if range_of == inside and above < largest < below and (EAST | NORTH).isdisjoint(said):
             size = "small" if above < 0 else "large"
-            return outside, 1.0, f"values reach {largest:.4g}: too {size} for {inside}"
+            return outside, 1.0, f"values reach {largest:.4g}: too {size} for {wanted}"
     return wanted, 1.0, "assumed: please check"
 
 

@@ -8,7 +8,7 @@ gate cannot do that, so each sample of a signal group passes four steps:
 1. *Syntax*: NaN, infinity, refused by its source → error.
 2. *Hard plausibility*: range, rate, frozen while the model predicts motion (one value, two in
    turn, or less scatter than the sensor's own noise; spikes in between), sentinel code, suspected
-   factor (10ⁿ, 180/π, 25.4, a foot, −1) → obvious error: predict on, less certain.
+   factor (10ⁿ, 180/π, 25.4, a foot, −1; rpm of rad/s) → obvious error: predict on, less certain.
 3. *Innovation gate*: innovation² ≤ gate²·S + path². S is the arbiter's own, from the statistics of
    the innovation (per phase where one is set), growing while it predicts; path is twice
    what the model predicted to move since the last trusted sample, or usually does (the tolerance,
@@ -35,7 +35,7 @@ The measurement is believed in these cases.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -45,6 +45,7 @@ from evertwin.errors import UsageError
 from evertwin.fold import Event
 from evertwin.models import Model
 from evertwin.signals import Layout
+from evertwin.signals.mistaken import numbers
 from evertwin.sync import places as at
 from evertwin.types import Bools, Vector
 
@@ -215,7 +216,7 @@ def describe(model: Model, found: np.ndarray, detail: np.ndarray) -> Event:
         evidence["cause"] = at.Cause(cause).name.lower()
         if cause == at.Cause.FACTOR:
             evidence["factor"] = float(detail[0])
-            reason = f"off by a factor of {_factor(detail[0])}"
+            reason = f"off by a factor of {_factor(detail[0], [outputs.units[j] for j in which])}"
         evidence["delta"] = delta
         if kind == at.Finding.RESTORED:
             return _event(row, time, "measurement_restored", group, f"no longer {reason}", evidence)
@@ -252,8 +253,8 @@ def _input_event(inputs: Layout, found: np.ndarray, detail: np.ndarray) -> Event
     if factor:
         evidence["factor"] = factor
         reason = (
-            f"{value:.4g} {unit} is off by a factor of {_factor(factor)} from what it was, and the "
-            "outputs do not follow it: taken divided by that"
+            f"{value:.4g} {unit} is off by a factor of {_factor(factor, [unit])} from what it was, "
+            "and the outputs do not follow it: taken divided by that"
         )
         return _event(row, time, "measurement_error", inputs.names[k], reason, evidence)
     reason = (
@@ -269,6 +270,10 @@ def _event(
     return Event(row, time, kind, group, reason, evidence)  # type: ignore[arg-type]
 
 
-def _factor(value: float) -> str:
+def _factor(value: float, units: Sequence[str]) -> str:
+    """The number, and which units it divides that the quantities of ``units`` are recorded in."""
     known = {180 / math.pi: "180/π", math.pi / 180: "π/180", 1 / 25.4: "1/25.4", 0.3048: "1/3.281"}
-    return known.get(float(value), f"{value:g}")
+    told = (said for unit in units for number, said in numbers(unit)
+            if " for " in said and abs(value / number - 1.0) < 1e-3)  # fmt: skip
+    said = next(told, "")
+    return known.get(float(value), f"{value:.5g}") + (f" ({said})" if said else "")

@@ -206,10 +206,16 @@ def outcome(
         if matter[at.HOW] != JUMPED and is_factor(rules, account, g, j, rows, 1.0, starts):
             matter[at.OWNER] = 0
             return 0.0
+        found, least, slope = 0.0, np.inf, account[j, at.XY] / max(account[j, at.XX], 1e-300)
         for c in range(at.FACTORS.shape[0]):
             for f in (at.FACTORS[c], 1.0 / at.FACTORS[c]):
+                off = abs(slope / f - 1.0)
+                if limits[j, at.TRIED + c] == at.NEVER or not off < least:
+                    continue
                 if is_factor(rules, account, g, j, rows, f, starts):
-                    return float(f)
+                    found, least = float(f), off
+        if found != 0.0:
+            return found
     if rows >= LONGEST:
         matter[at.OWNER] = 0
     return 0.0

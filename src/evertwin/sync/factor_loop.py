@@ -143,12 +143,18 @@ def scatter(
 @njit(**COLD)
 def explained(board: Any, votes: int, j: int, f: float, room_for: float, angle: bool) -> bool:
     """Is every contested value, divided by ``f``, where it was expected?"""
-    ring, expected = board[0], board[4]
+    return bool(farthest(board, votes, j, f, angle) <= room_for)
+
+
+@njit(**COLD)
+def farthest(board: Any, votes: int, j: int, f: float, angle: bool) -> float:
+    """How far a contested value, divided by ``f``, is from where it was expected, at most."""
+    ring, expected, most = board[0], board[4], 0.0
     for i in range(votes):
-        y = expected[i, j] + ring[i, j]
-        if not abs(wrapped(y / f - expected[i, j], angle)) <= room_for:
-            return False
-    return True
+        off = abs(wrapped((expected[i, j] + ring[i, j]) / f - expected[i, j], angle))
+        if not off <= most:
+            most = off  # not a number is too far, too
+    return most
 
 
 @njit(**COLD)
@@ -173,18 +179,23 @@ def likelier(
 
 
 @njit(**COLD)
-def fits(
-    settings: Any, memory: Any, board: Any, room: Any, g: int, size: int, growth: float, f: float
-) -> bool:
-    """Does the factor explain every output of the group that stands out of its gate?"""
+def misfit(
+    settings: Any, memory: Any, board: Any, room: Any, g: int, size: int, growth: float, k: int,
+    f: float,
+) -> float:  # fmt: skip
+    """How far a factor, place ``k`` of all, leaves the outputs of the group from what was expected,
+    in what is allowed; infinite where it does not explain every one that stands out of its gate.
+
+    Of two near each other the unit of the quantity is meant, unless another is nearer by that.
+    """
     limits, rules, _ = settings
     values, votes, found = memory[0], int(rules[g, at.VOTE]), False
-    for k in range(size):
-        j = room[k]
+    turn, most = k == at.TURN, 0.0
+    for i in range(size):
+        j = room[i]
         angle, room_for = limits[j, at.ANGLE] > 0, allowed(rules, values, g, j, growth)
-        turn = f == at.FACTORS[at.TURN] or f == 1.0 / at.FACTORS[at.TURN]
         if f < 0.0 and not limits[j, at.ADOPTS] > 0:
-            return False
+            return np.inf
         sound = explained(board, votes, j, 1.0, room_for, angle)
         if sound and abs(f) > 1.0:
             continue
@@ -192,13 +203,16 @@ def fits(
         noise = 0.5 * values[j, at.BASE]
         if (
             (turn or not angle)
+            and limits[j, at.TRIED + k] != at.NEVER
             and explained(board, votes, j, f, room_for, angle)
             and likelier(board, votes, g, j, f, noise, room_for, angle)
         ):
+            more = 0.0 if limits[j, at.TRIED + k] == at.OWN else 1.0
+            most = max(most, farthest(board, votes, j, f, angle) / room_for + more)
             found = True
         elif not sound:
-            return False
-    return found
+            return np.inf
+    return most if found else np.inf
 
 
 @njit(**COLD)
@@ -219,11 +233,13 @@ def scaled(
         j = room[k]
         if counts[pool, j] < at.KNOWN or not in_scale(limits, memory[0], j):
             return 0.0
+    found, least = 0.0, np.inf
     for k in range(at.FACTORS.shape[0]):
         for f in (at.FACTORS[k], 1.0 / at.FACTORS[k]):
-            if fits(settings, memory, board, room, g, size, growth, f):
-                return float(f)
-    return 0.0
+            off = misfit(settings, memory, board, room, g, size, growth, k, f)
+            if off < least:
+                found, least = float(f), off
+    return found
 
 
 @njit(**COLD)

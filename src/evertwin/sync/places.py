@@ -10,9 +10,12 @@ from enum import IntEnum
 
 import numpy as np
 
-LOW, HIGH, RATE, TOLERANCE, ANGLE, ADOPTS, BESIDE, ABOVE = range(8)
+LOW, HIGH, RATE, TOLERANCE, ANGLE, ADOPTS, BESIDE, ABOVE, TRIED = range(9)
 """Settings per output: possible range and rate, tolerance, is it an angle, can it be adopted? The
-input that says whether it moves, −1 for none, and from which size on."""
+input that says whether it moves, −1 for none, and from which size on. Then, of each of `FACTORS`,
+`NEVER`, `ANY` or `OWN`."""
+NEVER, ANY, OWN = range(3)
+"""Is a factor tried, and does it divide two units of the output's own quantity?"""
 GATE, VOTE, USE, BLEND, SHARE, GROWTH, FROZEN, TIMEOUT = range(8)
 """Settings per group."""
 NONE, UPDATE, MIX = range(3)
@@ -111,10 +114,13 @@ MEMORY = 10_000
 """Innovations that a variance remembers."""
 TURN = 6
 """Place of 180/π in `FACTORS`, the only factor of an angle."""
-FACTORS = np.array(
-    [10.0, 100.0, 1e3, 1e4, 1e6, 1e9, 180.0 / np.pi, 25.4, 1 / 0.0254, 1 / 0.3048, -1.0]
-)
+FACTORS = np.array([
+    10.0, 100.0, 1e3, 1e4, 1e6, 1e9, 180.0 / np.pi, 25.4, 1 / 0.0254, 1 / 0.3048,
+    30.0 / np.pi, 9.80665, 60.0, -1.0,
+])  # fmt: skip
 """Suspected factors; their inverses are tried too; the last is a turned sign."""
+ALONE = slice(10, 13)
+"""Those that lie so near to another that only outputs of their quantities are asked for them."""
 
 
 class Cause(IntEnum):

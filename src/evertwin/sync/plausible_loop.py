@@ -146,22 +146,28 @@ def implausible(settings: Any, memory: Any, sample: Any, g: int, size: int, stam
 
 
 @njit(**COLD)
-def suspected(room: float, noise: float, y: float, expected: float, angle: bool) -> float:
+def suspected(
+    room: float, noise: float, y: float, expected: float, angle: bool, tried: Any
+) -> float:
     """The factor between a measurement and what was expected of it; 0 if there is none.
 
-    It is looked for only where a tenth of the expected value stands out of the noise.
+    It is looked for only where a tenth of the expected value stands out of the noise. Of two that
+    lie near each other the unit of the quantity is meant, unless another fits better by more than
+    the noise.
     """
     room = min(room, 0.1 * abs(expected))
     if not 0.1 * abs(expected) > noise:
         return 0.0
+    found, least = 0.0, np.inf
     for k in range(at.FACTORS.shape[0]):
-        if angle and k != at.TURN:
+        if tried[k] == at.NEVER or (angle and k != at.TURN):
             continue
         for f in (at.FACTORS[k], 1.0 / at.FACTORS[k]):
-            turns = angle and abs(y / f) > 2.0 * np.pi
-            if abs(wrapped(y / f - expected, angle)) <= room and not turns:
-                return float(f)
-    return 0.0
+            turns, off = angle and abs(y / f) > 2.0 * np.pi, abs(wrapped(y / f - expected, angle))
+            more = 0.0 if tried[k] == at.OWN else noise
+            if off <= room and off + more < least and not turns:
+                found, least = float(f), off + more
+    return found
 
 
 @njit(**COLD)
@@ -180,7 +186,9 @@ def doubted(settings: Any, memory: Any, sample: Any, g: int, size: int) -> int:
                 return SENTINEL
         angle = limits[j, at.ANGLE] > 0
         room_for = noise + credible(limits, rules, values, g, j, 1.0)
-        factor = suspected(room_for, noise, y[j], y[j] - values[j, at.NU], angle)
+        factor = suspected(
+            room_for, noise, y[j], y[j] - values[j, at.NU], angle, limits[j, at.TRIED :]
+        )
         # Friction turns an output that no state adopts round with the motion.
         if factor > 0.0 or (factor < 0.0 and limits[j, at.ADOPTS] > 0):
             figures[g, at.FACTOR] = factor

@@ -34,7 +34,7 @@ import numpy as np
 from evertwin.fold import Block, Event, Out
 from evertwin.models import Kernel, Model, kernel_of, remembers
 from evertwin.models.kernel import looped
-from evertwin.signals import Channel
+from evertwin.signals import Channel, Layout
 from evertwin.signals.mistaken import numbers
 from evertwin.sync import places as at
 from evertwin.sync.arbiter import Arbiter, Rule, describe, members
@@ -198,7 +198,7 @@ class Track:
         column = inputs.index(phases.channel) if phases else -1
         edges = np.array(phases.edges if phases else (), dtype=np.float64)
         return (
-            np.hstack([self.arbiter.limits(outputs, self.adopts), self._moves]),
+            np.hstack([self.arbiter.limits(outputs, self.adopts), self._moves, _tried(outputs)]),
             self.arbiter.rules(outputs),
             np.array(self.arbiter.sentinels, dtype=np.float64), members(outputs), column, edges,
             np.array([_bounds(one) for one in inputs]).reshape(-1, 2 + len(at.FACTORS)),
@@ -285,7 +285,23 @@ class Track:
 
 def _bounds(one: Channel) -> list[float]:
     """What an input may be, and which of `at.FACTORS` divide two units of its quantity."""
-    own = np.array([number for number, _ in numbers(one.unit)])
-    decimal = np.log10(np.abs(at.FACTORS)) % 1.0 == 0.0
-    divides = decimal | (np.abs(at.FACTORS[:, None] / own - 1.0) < 1e-3).any(axis=1)
-    return [one.low, one.high, *divides.astype(float).tolist()]
+    return [one.low, one.high, *(_decimal() | _divides(one.unit)).astype(float).tolist()]
+
+
+def _tried(outputs: Layout) -> np.ndarray:
+    """Which of `at.FACTORS` an output is suspected of, (ny, factors)."""
+    found = np.full((len(outputs), len(at.FACTORS)), at.ANY, dtype=np.float64)
+    found[:, at.ALONE] = at.NEVER
+    for row, unit in zip(found, outputs.units, strict=True):
+        row[_divides(unit) & ~_decimal()] = at.OWN
+    return found
+
+
+def _decimal() -> Bools:
+    return np.asarray(np.log10(np.abs(at.FACTORS)) % 1.0 == 0.0)
+
+
+def _divides(unit: str) -> Bools:
+    """Which of `at.FACTORS` divide two units of a quantity."""
+    own = np.array([number for number, _ in numbers(unit)])
+    return np.asarray((np.abs(at.FACTORS[:, None] / own - 1.0) < 1e-3).any(axis=1))

@@ -105,11 +105,11 @@ def agrees(settings: Any, values: Any, board: Any, room: Any, g: int, size: int)
 
 
 @njit(**COLD)
-def nearest(y: float, expected: float, angle: bool) -> float:
+def nearest(y: float, expected: float, angle: bool, tried: Any) -> float:
     """How near measured/factor comes to what was expected, over all factors."""
     found = np.inf
     for k in range(at.FACTORS.shape[0]):
-        if not angle or k == at.TURN:
+        if tried[k] != at.NEVER and (not angle or k == at.TURN):
             for f in (at.FACTORS[k], 1.0 / at.FACTORS[k]):
                 found = min(found, max(1.0, abs(f)) * abs(wrapped(y / f - expected, angle)))
     return found
@@ -130,7 +130,9 @@ def sides(limits: Any, values: Any, board: Any, rules: Any, room: Any, g: int, s
             most, angle = nu * nu / values[j, at.BASE], limits[j, at.ANGLE] > 0
             rest = wrapped(nu - ring[last, j], angle)
             expected = values[j, at.LAST] - nu
-            rest = min(abs(rest), nearest(values[j, at.LAST], expected, angle))
+            rest = min(
+                abs(rest), nearest(values[j, at.LAST], expected, angle, limits[j, at.TRIED :])
+            )
             found = rest < 0.5 * abs(nu)
     return found and most > 4.0
 

@@ -155,7 +155,8 @@ def assemble(problem: Problem, outcome: Outcome, acting: Sensitivity, began: flo
     left = squares(problem, problem.residuals(outcome.values))
     sigma = noise_of(problem, left, acting.paid)
     sizes = sizes_of(problem, acting, outcome.values)
-    judged = gate(acting, sigma, problem.names, sizes)
+    stateful = len(problem.model.states) > 0
+    judged = gate(acting, sigma, problem.names, sizes, left.r if stateful else None)
     before_and_now = zip(held or judged.reasons, judged.reasons, strict=True)
     refused = [was or reason for was, reason in before_and_now]
     if any(held):
@@ -179,7 +180,6 @@ def assemble(problem: Problem, outcome: Outcome, acting: Sensitivity, began: flo
         covariance[~free, :], covariance[:, ~free] = 0.0, 0.0
         covariance[~free, ~free] = np.inf
         half[~free] = np.inf
-    stateful = len(problem.model.states) > 0
     said = valley(problem.names, verdicts, values != start) if stateful else ""
     items = [problem.parameters.items[place] for place in problem.places.tolist()]
     return Fit(

@@ -7,7 +7,8 @@ the information matrix H = Σ Jᵀ J / σ²:
   error (*the knob is not connected*, `connected`);
 * a direction whose singular value is (almost) zero is undetermined: every parameter in it is;
 * a direction whose singular value is small **and** rests on less than 5 % of the rows is
-  undetermined too. That is the general rule behind a known trap: an offset together with
+  undetermined too; of a model with states, whose transients are few rows, only where these are
+  predicted worse than others. That is the general rule behind a known trap: an offset together with
   direction-dependent Coulomb friction is separated only by the few rows near standstill, where the
   friction law is least known. It fits the training force better and simulates worse;
 * the interval of the rest, against the parameter's natural size, tells identifiable from weak.
@@ -35,7 +36,7 @@ import numpy as np
 from evertwin.errors import ModelError
 from evertwin.models import Model
 from evertwin.tuning.sensitivity import Sensitivity, Spectrum
-from evertwin.types import Float64, PerOutput, Vector
+from evertwin.types import Float64, Outputs, PerOutput, Vector
 
 Matrix: TypeAlias = Float64[np.ndarray, "k k"]
 
@@ -73,7 +74,10 @@ class Gate(NamedTuple):
         return tuple(bool(reason) for reason in self.reasons)
 
 
-def gate(acting: Sensitivity, sigma: PerOutput, names: tuple[str, ...], sizes: Vector) -> Gate:
+def gate(
+    acting: Sensitivity, sigma: PerOutput, names: tuple[str, ...], sizes: Vector,
+    left: Outputs | None = None,
+) -> Gate:  # fmt: skip
     """Judges each parameter.
 
     Args:
@@ -81,6 +85,8 @@ def gate(acting: Sensitivity, sigma: PerOutput, names: tuple[str, ...], sizes: V
         sigma: standard deviation of each output's noise, (ny,).
         names: the parameters.
         sizes: natural size of each, (k,); what counts as a large error.
+        left: residual (n, ny) of a model with states. What tells its numbers are transients, which
+            are few of its rows: they do, unless the form is worse there than elsewhere.
     """
     information, k = acting.information(sigma), len(names)
     spectrum = Spectrum.of(information)
@@ -99,7 +105,8 @@ def gate(acting: Sensitivity, sigma: PerOutput, names: tuple[str, ...], sizes: V
         step = np.zeros(k)
         step[live] = directions[live, i] / spectrum.length
         share = acting.share(step, LOADED, sigma)
-        if value < NULL or share < SHARE:
+        few = share < SHARE and (left is None or not acting.believed(step, left, sigma))
+        if value < NULL or few:
             _refuse(refused, directions[:, i], names, value, share)
     _nulls(refused, values, directions, names)
     # in rising order; without what does not act there is no smallest one

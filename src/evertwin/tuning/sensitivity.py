@@ -20,7 +20,12 @@ import numpy as np
 
 from evertwin.tuning.closed import Regressor, summed
 from evertwin.tuning.gram import effects, unit, weighed, widened
-from evertwin.types import Bool, Float64, Int64, PerOutput, Vector
+from evertwin.types import Bool, Float64, Int64, Outputs, PerOutput, Vector
+
+FEW = 50
+"""Rows from which on they tell whether the form holds on them."""
+CHANCE = 3.0
+"""Standard deviations by which their mean square may be larger by chance."""
 
 
 class Spectrum(NamedTuple):
@@ -115,6 +120,21 @@ class Sensitivity:
         weight = total / sigma / sigma
         whole = float(weight.sum())
         return float(part / np.maximum(active, 1.0) @ weight) / whole if whole > 0 else 0.0
+
+    def believed(self, direction: Vector, r: Outputs, sigma: PerOutput) -> bool:
+        """Are the rows that a direction of the parameters rests on predicted as well as the others?
+
+        Args:
+            r: residual, (n, ny).
+            sigma: its standard deviation over all rows, (ny,).
+        """
+        mine = np.where(self.at >= 0, direction[self.at], 0.0)
+        z = np.einsum("ioa,oa->io", self.columns, mine) / sigma
+        z[~self.used] = 0.0
+        weight = np.square(z).ravel()
+        rows = weight.sum() ** 2 / np.square(weight).sum()
+        off = float(weight @ np.square(np.nan_to_num(r) / sigma).ravel()) / weight.sum()
+        return bool(rows >= FEW and off <= 1.0 + CHANCE * np.sqrt(2.0 / rows))
 
     def of(self, output: int) -> tuple[Float64[np.ndarray, "n m"], Int64[np.ndarray, " m"]]:
         """(columns that act on one output, the parameters they belong to)."""
