@@ -82,6 +82,8 @@ class Evidence:
     """Size that counts as 1, per output, (ny,)."""
     horizon: float
     """Length of a prediction, at most the longest window [s]."""
+    observes: bool = False
+    """Are states that nothing measures estimated? Else they begin as the numbers say."""
 
     @property
     def segments(self) -> int:
@@ -95,16 +97,22 @@ class Evidence:
         run = RUN if self.segments >= RUN * folds else 1
         return self.segment // run % folds
 
+    @property
+    def opening(self) -> Int64[np.ndarray, " m"]:
+        """The recording of each row looked at, from 1."""
+        return np.cumsum(np.diff(self.segment, prepend=-1) * (self.since == 0))
+
     def settled(self, segments: int) -> Evidence:
         """Without the first ``segments`` of each recording, by which a state that nothing measures
         is estimated; of one that has few, with them."""
-        opening = np.cumsum(np.diff(self.segment, prepend=-1) * (self.since == 0))
+        opening = self.opening
         most = np.zeros(int(opening.max()) + 1, dtype=np.int64)
         np.maximum.at(most, opening, self.since + 1)
         kept = (self.since >= segments) | (most[opening] < FEW * segments)
         return replace(
             self, rows=self.rows[kept], measured=self.measured[kept], since=self.since[kept],
             known=self.known[kept], segment=np.unique(self.segment[kept], return_inverse=True)[1],
+            observes=True,
         )  # fmt: skip
 
     def residual(self, model: Model, p: ParameterVector) -> Float64[np.ndarray, "m ny"]:
@@ -116,7 +124,8 @@ class Evidence:
         self, model: Model, p: Float64[np.ndarray, "k np"]
     ) -> list[Float64[np.ndarray, "m ny"]]:
         """`residual` of several parameter vectors at once."""
-        model = observed(model, np.asarray(self.known.any(axis=0)))
+        if self.observes:
+            model = observed(model, np.asarray(self.known.any(axis=0)))
         restart, batch = Restart(self.adopts, self.code, model.initial(p[0])), Batch(model)
         scaled: list[Float64[np.ndarray, "m ny"]] = []
         for part in np.array_split(p, -(-len(p) // TOGETHER)):

@@ -120,6 +120,19 @@ def refit(stack: Stack, evidence: Evidence) -> Scored:
     return scored._replace(free=None) if grids else scored  # a grid is solved under its prior
 
 
+def started(stack: Stack, evidence: Evidence) -> Stack:
+    """With what states of its terms began with in the first recording."""
+    for k, part in enumerate(stack.parts):
+        local = [one.name for one in part.kind.parameters(part.term, "1", "1")]
+        own = [i for i, name in enumerate(local) if name in part.kind.initials]
+        if own:
+            ends = bounded(part)
+            columns = (np.array(one)[own] for one in (ends.low, ends.high, ends.typical))
+            free = Free(stack.first(k) + np.array(own), *columns)
+            stack = _solve(stack, free, evidence, evidence.opening == 1)[0]
+    return stack
+
+
 def settled(stack: Stack, parts: Sequence[int], evidence: Evidence) -> Stack:
     """With every number of these parts that changes nothing at its neutral value."""
     neutral = stack.model.parameters.values

@@ -41,8 +41,8 @@ from evertwin.correction.absorbed import absorbed
 from evertwin.correction.candidates import propose, unstarted
 from evertwin.correction.describe import describe
 from evertwin.correction.evidence import Evidence, asked_of, gather, mean_deviation
-from evertwin.correction.fitting import Scored, confirm, fit_candidate, refit, settled
-from evertwin.correction.own_numbers import own_numbers
+from evertwin.correction.fitting import Scored, confirm, fit_candidate, refit, settled, started
+from evertwin.correction.own_numbers import own_numbers, unmoved
 from evertwin.correction.stack import Stack, stack_of
 from evertwin.errors import TooFew, UsageError
 from evertwin.fold import Block, plain
@@ -200,13 +200,18 @@ def improve(
             f"{evidence.segments}: give more data or a shorter horizon"
         )
     rows = Rows(stack.base, tuple(windows), chosen.channels, evidence.horizon, chosen.quantum)
-    candidates = tuple(map(unstarted, propose(rows, chosen.kinds)))
+    candidates = propose(rows, chosen.kinds)
     begun = any(kind(one.term.kind).initials for one in candidates)
     hidden = len(hidden_of(observed(stack.model))) + begun
-    evidence = evidence.settled(hidden + 1) if hidden else evidence
-    stack = replace(stack, tuned=own_numbers(stack, evidence, chosen.numbers))
-    search = _Search(evidence, candidates, chosen)
-    return search.proposal(form, stack)
+    known = evidence.settled(hidden + 1) if hidden else evidence
+    tuned = own_numbers(stack, known, chosen.numbers)
+    if tuned:
+        search = _Search(known, tuple(map(unstarted, candidates)), chosen, evidence)
+        found = search.proposal(form, replace(stack, tuned=tuned))
+        if found.found:
+            return found
+    # few rows may not be sure of a term beside numbers that could do nearly as well
+    return _Search(evidence, candidates, chosen, evidence).proposal(form, stack)
 
 
 def prepare(
@@ -227,6 +232,8 @@ class _Search:
     evidence: Evidence
     candidates: tuple[Candidate, ...]
     settings: Selection
+    whole: Evidence
+    """Also what a state is estimated by."""
 
     def run(self, start: Scored) -> tuple[Stack, float, list[Gain], dict[str, float]]:
         """Climbs the tiers: stack found, its held-out deviation, what terms brought, what was
@@ -320,11 +327,13 @@ class _Search:
         kept = tuple(g for g in gains if any(g.term is part.term for part in best.parts))
         new = {id(g.term) for g in kept}
         few = [k for k, part in enumerate(best.parts) if id(part.term) in new and part.few]
+        best = unmoved(best, stack, self.evidence)
         best, after = (settled(best, few, self.evidence), after) if kept else (stack, before)
         best, taken = absorbed(best, few if kept else (), self.settings.numbers, self.evidence)
         if taken:  # of some terms nothing is left
             best = _acting(best, few)
             kept = tuple(g for g in kept if any(g.term is part.term for part in best.parts))
+        best = started(best, self.whole) if kept and self.evidence.observes else best
         return Proposal(
             Form(tuple(part.term for part in best.parts), form.variant),
             best.model.parameters.names, best.p, before, after, self.scale(best), kept,

@@ -7,10 +7,12 @@ behind them: numbers that are wrong as configured hide it, and so do those tuned
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from evertwin.correction.evidence import Evidence
+from evertwin.correction.evidence import Evidence, mean_deviation
+from evertwin.correction.fitting import refit
 from evertwin.correction.stack import Stack
 
 MOST = 8
@@ -18,6 +20,15 @@ MOST = 8
 LITTLE, MUCH = 1e-4, 0.1
 """Shares of a number that are a probe, and considerable; of one that is zero, of what moves the
 residuals by as much."""
+
+
+def few_numbers(names: Sequence[str]) -> bool:
+    """Are there some, and few enough?
+
+    >>> few_numbers(()), few_numbers(("mass",))
+    (False, True)
+    """
+    return 0 < len(names) <= MOST
 
 
 def own_numbers(
@@ -37,7 +48,7 @@ def own_numbers(
     >>> own_numbers(Stack(Robot1D(), (1.0,)), seen, ("gain",))[0][::3]
     (0, 0.1)
     """
-    if len(names) > MOST:
+    if not few_numbers(names):
         return ()
     found, now = [], evidence.residual(stack.model, stack.p)
     for place in stack.base.parameters.indices(names).tolist():
@@ -49,3 +60,16 @@ def own_numbers(
             size = MUCH * abs(value) or MUCH / moved
             found.append((place, item.low, item.high, float(size)))
     return tuple(found)
+
+
+def unmoved(best: Stack, before: Stack, evidence: Evidence) -> Stack:
+    """With the numbers as they were, where the terms alone leave hardly more: of one number Akaike
+    asks for 1/n of the deviation of n segments."""
+    if not best.tuned or not best.parts:
+        return best
+    bare = refit(replace(best, inner=before.inner, tuned=()), evidence).stack
+    mean = [
+        mean_deviation(evidence.deviations(evidence.residual(one.model, one.p)))
+        for one in (bare, best)
+    ]
+    return bare if mean[0] <= (1.0 + len(best.tuned) / evidence.segments) * mean[1] else best

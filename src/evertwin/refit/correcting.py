@@ -15,6 +15,7 @@ import numpy as np
 from evertwin.correction.command_effect import command_effects
 from evertwin.correction.evidence import gather, mean_deviation
 from evertwin.correction.improve import Gain, Proposal, Selection, improve
+from evertwin.correction.own_numbers import few_numbers
 from evertwin.correction.refine_law import refine_law
 from evertwin.correction.sarsa import learn_table
 from evertwin.correction.sarsa_settings import SarsaSettings
@@ -47,6 +48,20 @@ def learn(setup: Setup, base: Model, version: Version, windows: Windows) -> Prop
         numbers=setup.editable,
     )  # fmt: skip
     return improve(base, version.form, windows, setup.horizon, settings, version.p)
+
+
+def sought(
+    setup: Setup, versions: Versions, starts: Sequence[Version], windows: Windows
+) -> Proposal:
+    """A proposal for a corrected form of the last of these versions. Where the model's numbers are
+    tuned beside each term it is enough to begin with that one, if a term is found."""
+    rule, base = setup.spec.correction, setup.model
+    if not rule.translated and few_numbers(setup.editable):
+        found = learn(setup, base, starts[-1], windows)
+        if found.found:
+            return found
+    proposals = [learn(setup, base, start, windows) for start in starts]
+    return nearest(versions, proposals, windows, setup.horizon)
 
 
 def nearest(

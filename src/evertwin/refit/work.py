@@ -40,7 +40,7 @@ from evertwin.refit.answering import (
     undone,
 )
 from evertwin.refit.channels import of_a_channel
-from evertwin.refit.correcting import learn, nearest
+from evertwin.refit.correcting import sought
 from evertwin.refit.judgement import NEARLY_ALL, judged, partly
 from evertwin.refit.named_cause import named_first
 from evertwin.refit.newest import after, newer, newest
@@ -338,8 +338,7 @@ class Work(Tuner):
         found, starts = self._tuned_alone(version, windows), [version]
         if found:  # what numbers of the model explain no term has to
             starts.insert(0, replace(version, values=tuple(found[1].p.tolist())))
-        proposals = [learn(self.setup, base, start, windows) for start in starts]
-        proposal = nearest(self.versions, proposals, windows, self.setup.horizon)
+        proposal = sought(self.setup, self.versions, starts, windows)
         evidence = proposal.evidence()
         if not proposal.found:
             events = [event("rejected", "", "no correction pays on unseen rows", evidence)]
