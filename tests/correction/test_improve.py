@@ -311,7 +311,9 @@ def chamber(seed: int) -> tuple[Model, Block]:
 def test_a_term_is_found_beside_numbers_that_are_all_wrong(seed: int) -> None:
     model, rows = chamber(seed)
     windows = tuple(take(rows, a, a + 1000) for a in (0, 1000))
-    asked = Selection(("lag", "law", "state"), ("u", "x"), numbers=model.parameters.names)
+    asked = Selection(
+        ("lag", "law", "state"), ("u", "x"), numbers=model.parameters.names, beside=True
+    )
     found = improve(model, Form(), windows, 20.0, asked)
     assert [term.kind for term in found.form.terms] == ["state"]
     values = dict(zip(found.names, found.p.tolist(), strict=True))

@@ -44,7 +44,7 @@ def test_a_model_s_file_that_changed_makes_another_plan_and_no_other_run(tmp_pat
     (before,) = planned().twins
     assert before.spec is not None and planned().twins == (before,)
     assert setup_of(before.spec).model.parameters.values.tolist() == [1.0]
-    (tmp_path / "models.py").write_text(MODEL.replace("(1.0,", "(1.5,"))
+    (tmp_path / "models.py").write_text(MODEL.replace("(1.0,", "(1.50,"))
     (after,) = planned().twins
     assert after.spec is not None and after != before
     assert setup_of(after.spec).model.parameters.values.tolist() == [1.5]

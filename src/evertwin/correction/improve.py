@@ -86,8 +86,10 @@ class Selection:
     outputs: tuple[str, ...] = ()
     """Outputs that terms have to pay on; empty: all. Nothing rides along that pays on others."""
     numbers: tuple[str, ...] = ()
-    """Numbers of the base model that are fitted beside every term, where they are few, and that may
-    take over the gain of a law."""
+    """Numbers of the base model that may take over the gain of a law."""
+    beside: bool = False
+    """Are they fitted beside every term, where they are few? Few rows may not be sure of a term
+    beside numbers that could do nearly as well."""
     least: int = 30
     """Fewest segments that a search may be based on."""
 
@@ -204,14 +206,11 @@ def improve(
     begun = any(kind(one.term.kind).initials for one in candidates)
     hidden = len(hidden_of(observed(stack.model))) + begun
     known = evidence.settled(hidden + 1) if hidden else evidence
-    tuned = own_numbers(stack, known, chosen.numbers)
-    if tuned:
-        search = _Search(known, tuple(map(unstarted, candidates)), chosen, evidence)
-        found = search.proposal(form, replace(stack, tuned=tuned))
-        if found.found:
-            return found
-    # few rows may not be sure of a term beside numbers that could do nearly as well
-    return _Search(evidence, candidates, chosen, evidence).proposal(form, stack)
+    tuned = own_numbers(stack, known, chosen.numbers if chosen.beside else ())
+    if not tuned:
+        return _Search(evidence, candidates, chosen, evidence).proposal(form, stack)
+    search = _Search(known, tuple(map(unstarted, candidates)), chosen, evidence)
+    return search.proposal(form, replace(stack, tuned=tuned))
 
 
 def prepare(

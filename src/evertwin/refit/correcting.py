@@ -38,14 +38,17 @@ SHOWN = ("channel", "levels", "values", "visits", "learned")
 """What an event keeps of a translation table."""
 
 
-def learn(setup: Setup, base: Model, version: Version, windows: Windows) -> Proposal:
-    """A proposal for a corrected form of ``version``, learned on ``windows``."""
+def learn(
+    setup: Setup, base: Model, version: Version, windows: Windows, *, beside: bool = False
+) -> Proposal:
+    """A proposal for a corrected form of ``version``, learned on ``windows``; ``beside``: with the
+    model's numbers tuned beside each term."""
     rule = setup.spec.correction
     if rule.translated:
         return _translation(setup, base, version, windows)
     settings = Selection(
         rule.terms, rule.channels, quantum=rule.quantum, outputs=rule.outputs,
-        numbers=setup.editable,
+        numbers=setup.editable, beside=beside,
     )  # fmt: skip
     return improve(base, version.form, windows, setup.horizon, settings, version.p)
 
@@ -57,7 +60,7 @@ def sought(
     tuned beside each term it is enough to begin with that one, if a term is found."""
     rule, base = setup.spec.correction, setup.model
     if not rule.translated and few_numbers(setup.editable):
-        found = learn(setup, base, starts[-1], windows)
+        found = learn(setup, base, starts[-1], windows, beside=True)
         if found.found:
             return found
     proposals = [learn(setup, base, start, windows) for start in starts]

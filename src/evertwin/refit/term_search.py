@@ -17,6 +17,7 @@ import numpy as np
 
 from evertwin.correction.candidates import propose
 from evertwin.correction.improve import Proposal, Selection, improve
+from evertwin.correction.own_numbers import few_numbers
 from evertwin.errors import ConfigError, DataError
 from evertwin.fold import Block
 from evertwin.models import Model
@@ -75,12 +76,13 @@ def with_terms(setup: Setup, work: Work, version: Version, problem: Problem) -> 
     without = Formed(problem, fit, version.form)
     if not (rule.in_fit and rule.terms):
         return without
-    settings = Selection(
-        rule.terms, rule.channels, quantum=rule.quantum, outputs=rule.outputs,
-        numbers=setup.editable,
-    )  # fmt: skip
+    settings = Selection(rule.terms, rule.channels, quantum=rule.quantum, outputs=rule.outputs)
     horizon = setup.horizon if rule.horizon is None else rule.horizon
-    proposal = improve(setup.model, version.form, problem.windows, horizon, settings, version.p)
+    rows = setup.model, version.form, problem.windows, horizon
+    beside = replace(settings, numbers=setup.editable, beside=few_numbers(setup.editable))
+    proposal = improve(*rows, beside, version.p)
+    if not proposal.found:
+        proposal = improve(*rows, settings, version.p)
     search: dict[str, Any] = {
         "horizon": horizon,
         "describes": list(proposal.describes),
