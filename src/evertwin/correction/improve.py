@@ -326,7 +326,7 @@ class _Search:
         kept = tuple(g for g in gains if any(g.term is part.term for part in best.parts))
         new = {id(g.term) for g in kept}
         few = [k for k, part in enumerate(best.parts) if id(part.term) in new and part.few]
-        best = unmoved(best, stack, self.evidence)
+        best = unmoved(best, stack, self.evidence) if kept else best
         best, after = (settled(best, few, self.evidence), after) if kept else (stack, before)
         best, taken = absorbed(best, few if kept else (), self.settings.numbers, self.evidence)
         if taken:  # of some terms nothing is left

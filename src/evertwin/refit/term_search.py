@@ -79,9 +79,11 @@ def with_terms(setup: Setup, work: Work, version: Version, problem: Problem) -> 
     settings = Selection(rule.terms, rule.channels, quantum=rule.quantum, outputs=rule.outputs)
     horizon = setup.horizon if rule.horizon is None else rule.horizon
     rows = setup.model, version.form, problem.windows, horizon
-    beside = replace(settings, numbers=setup.editable, beside=few_numbers(setup.editable))
-    proposal = improve(*rows, beside, version.p)
-    if not proposal.found:
+    proposal = None
+    if few_numbers(setup.editable):
+        beside = replace(settings, numbers=setup.editable, beside=True)
+        proposal = improve(*rows, beside, version.p)
+    if proposal is None or not proposal.found:
         proposal = improve(*rows, settings, version.p)
     search: dict[str, Any] = {
         "horizon": horizon,
