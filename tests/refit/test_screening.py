@@ -40,11 +40,20 @@ def test_nothing_of_a_sound_sensor_is_left_out(seed: int) -> None:
     assert left_out(moved(seed)) == 0
 
 
-def test_what_is_off_by_a_factor_is_left_out() -> None:
-    """Of axes whose friction the version lacks: in every third, more than a third of its rows."""
+@pytest.mark.parametrize("seed", [27, 28, 29])
+def test_what_is_off_by_a_factor_is_left_out(seed: int) -> None:
+    block = moved(seed)
+    block.y[1500:1800] *= 100.0
+    assert 280 <= left_out(block) <= 300
+
+
+@pytest.mark.parametrize(("factor", "least"), [(0.01, 22), (100.0, 27), (1000.0, 26)])
+def test_bursts_are_left_out_whole_on_most_axes(factor: float, least: int) -> None:
+    """By what most rows say of the friction that the version lacks."""
     found = []
     for seed in range(30):
         block = moved(seed)
-        block.y[1500:1800] *= 100.0
+        block.y[1500:1800] *= factor
         found.append(left_out(block))
-    assert sum(count > 100 for count in found) >= 10
+    assert sum(280 <= count <= 300 for count in found) >= least
+    assert max(found) <= 300

@@ -20,7 +20,7 @@ from evertwin.engine import Engine
 from evertwin.fold import Block, Mark, plain
 from evertwin.ledger.versions import Versions
 from evertwin.models import Model, Parameters
-from evertwin.models.form import Form, Version
+from evertwin.models.form import Form
 from evertwin.refit.recursive_fit import Recursion
 from evertwin.refit.screening import screened
 from evertwin.refit.term_search import Formed, check_initials, own_start, with_terms
@@ -46,8 +46,9 @@ from evertwin.tuning import (
     told_apart,
 )
 from evertwin.tuning.interrupt import Interrupt
+from evertwin.tuning.least_trimmed import trimmed
 from evertwin.tuning.tangent import leaning, searched, told
-from evertwin.types import Json
+from evertwin.types import Json, ParameterVector
 
 Watch: TypeAlias = Callable[[int, float], bool]
 """Called with (evaluations so far, cost) while a search runs; False ends it, best so far kept."""
@@ -211,8 +212,8 @@ class Tuned:
 
     setup: Setup
     base: Model
-    """The version's own model, which says what of a recording can be trusted."""
-    version: Version
+    trusted: ParameterVector
+    """Of the version's own model, for what of a recording can be trusted."""
     formed: Formed
     chosen: Chosen
     unknown: str
@@ -229,7 +230,7 @@ class Tuned:
 
     def rows(self, data: Data) -> tuple[Block, ...]:
         """The tasks of recordings, without what cannot be a measurement."""
-        return screened(self.setup, self.base, self.version.p, self.feed.blocks(data))
+        return screened(self.setup, self.base, self.trusted, self.feed.blocks(data))
 
     def judged(self, blocks: tuple[Block, ...], own: bool = True) -> Judged:
         """Predictions of tasks; ``own``: not learned from, so each finds the start it had."""
@@ -254,7 +255,7 @@ def tune(
 ) -> Tuned:  # fmt: skip
     """Version ``number``, tuned on ``train``; differences in the engine's processes, if any."""
     feed, version, base = Feed(setup.spec, setup.model), versions[number], versions.model(number)
-    problem, tasks = posed(setup, versions, number, feed.several(train))
+    problem, tasks, trusted = posed(setup, versions, number, feed.several(train))
     before, windows = led(setup, train, problem.windows)
     problem, tasks = replace(problem, before=before, windows=windows), windows if before else tasks
     far = None if engine is None else far_of(engine, setup.spec, version.form)
@@ -268,7 +269,7 @@ def tune(
         chosen = acting(chosen, problem, fit)
         unknown = _unknown(work, formed) if chosen.laws or formed.search else ""
         formed = replace(formed, fit=fit)
-    return Tuned(setup, base, version, formed, chosen, unknown, tasks, feed)
+    return Tuned(setup, base, trusted, formed, chosen, unknown, tasks, feed)
 
 
 def _sure(setup: Setup, formed: Formed) -> Fit:
@@ -317,13 +318,23 @@ def _unknown(work: Work, formed: Formed) -> str:
 
 def posed(
     setup: Setup, versions: Versions, number: int, blocks: Iterable[Block]
-) -> tuple[Problem, tuple[Block, ...]]:
-    """What version ``number`` is tuned on: the problem, and the tasks that its windows are of."""
+) -> tuple[Problem, tuple[Block, ...], ParameterVector]:
+    """What version ``number`` is tuned on: the problem, the tasks that its windows are of, and the
+    parameters by which these are trusted: a map is put in scale by most of its rows first."""
     version, base, work = versions[number], versions.model(number), Work(setup, versions)
-    tasks = screened(setup, base, version.p, blocks)
-    check_initials(setup, base, tasks)
-    windows = starts(setup, windows_of(tasks, setup.spec.tuning.cut))
-    return work.problem(version, windows, work.editable(version)), tasks
+    recorded = tuple(blocks)
+
+    def by(p: ParameterVector) -> tuple[Problem, tuple[Block, ...]]:
+        tasks = screened(setup, base, p, recorded)
+        check_initials(setup, base, tasks)
+        windows = starts(setup, windows_of(tasks, setup.spec.tuning.cut))
+        return work.problem(version, windows, work.editable(version)), tasks
+
+    problem, tasks = by(version.p)
+    trusted = trimmed(problem)
+    if not np.array_equal(trusted, version.p):
+        problem, tasks = by(trusted)
+    return problem, tasks, trusted
 
 
 def _watched(problem: Problem, stop: Interrupt, watch: Watch | None) -> Problem:

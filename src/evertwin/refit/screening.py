@@ -7,29 +7,14 @@ change: what lies outside the gate stays, unless it is far outside everything el
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Iterable
 
 import numpy as np
 
-from evertwin.fold import Block, Event, Mark
+from evertwin.fold import Block, Mark
 from evertwin.models import Model
 from evertwin.setup.setup import Setup
 from evertwin.types import Outputs, ParameterVector
-
-
-class Span(NamedTuple):
-    """Rows of an output that was told to be off by a factor.
-
-    >>> Span(10, 20.0, 100.0).factor
-    100.0
-    """
-
-    first: int
-    stop: float
-    factor: float
-
 
 FAR = 100.0
 """Distance from the median, in widths of the middle 98 % of the channel, that is absurd."""
@@ -41,55 +26,14 @@ def screened(
     """The windows, with outputs marked as errors that are none of the machine's doing."""
     track = setup.track(model)
     state, nu = track.renew(track.init(), p), len(model.inputs)
-    out, events = list[Block](), list[Event]()
+    out = list[Block]()
     for window in windows:
         state, seen = track.step(state, window)
         bad = (seen.rows.mark == Mark.ERROR) | _far(window.y)
         mark = np.concatenate([seen.rows.doubt, window.mark[:, nu:]], axis=1)
         mark[:, nu:] = np.where(bad, np.uint8(Mark.ERROR), mark[:, nu:])
-        events += [one for one in seen.records if isinstance(one, Event)]
         out.append(window._replace(u=seen.rows.u, mark=mark))
-    for k, name in enumerate(model.outputs.names):
-        spans = () if len(model.states) else _factors(events, name)
-        sound = [one for one in spans if not _is_off(out, k, one, spans)]
-        for block in out if sound else ():
-            wrong = _inside(block, sound) & ~_far(block.y)[:, k]
-            block.mark[wrong & (block.mark[:, nu + k] == Mark.ERROR), nu + k] = Mark.OK
     return tuple(out)
-
-
-def _factors(events: Sequence[Event], name: str) -> tuple[Span, ...]:
-    """From where to where an output was told to be off by which factor."""
-    found, since = list[Span](), dict[str, Span]()
-    for event in events:
-        if event.signal != name or event.evidence.get("cause", "factor") != "factor":
-            continue
-        if event.kind == "measurement_error":
-            about: Any = event.evidence
-            since[name] = Span(about["onset"], math.inf, abs(about["factor"]))
-        elif event.kind == "measurement_restored" and name in since:
-            found.append(since.pop(name)._replace(stop=event.row))
-    return (*found, *since.values())
-
-
-def _is_off(blocks: Sequence[Block], k: int, one: Span, spans: Sequence[Span]) -> bool:
-    """Is the output another size in a span than outside of all, as by the factor? A version that
-    lacks the friction is off by a hundred where little else is expected, on a sound sensor."""
-    inside, other = (
-        np.concatenate([_inside(block, some) for block in blocks]) for some in ([one], spans)
-    )
-    y = np.concatenate([block.y[:, k] for block in blocks])
-    known = np.isfinite(y)
-    here, there = (np.square(y[known & on]) for on in (inside, ~other))
-    if not (here.any() and there.any()):
-        return True
-    size, factor = 0.5 * math.log(here.mean() / there.mean()), math.log(one.factor)
-    return abs(size - factor) < abs(size)
-
-
-def _inside(block: Block, spans: Sequence[Span]) -> np.ndarray:
-    row = block.row + np.arange(len(block.t))
-    return np.asarray(np.any([(one.first <= row) & (row <= one.stop) for one in spans], axis=0))
 
 
 def _far(y: Outputs) -> np.ndarray:

@@ -28,6 +28,9 @@ SURE = 12
 """Near values in a row: of Gaussian noise, four in ten lie as near to the first."""
 MEMORY = 2000
 """Samples that the noise of the sensor is estimated from."""
+USUAL = 9.0
+"""Times the noise's variance that two successive innovations say of it at most: where the form is
+wrong, as where friction turns round, they would say much more."""
 ALIKE = 1.5
 """Times the smallest change that another is larger by, if it is about as small."""
 FORGET = 1.0 / 64
@@ -63,7 +66,9 @@ def learn_noise(values: Any, numbers: Any, room: Any, g: int, size: int) -> None
         j = room[k]
         nu, before = values[j, at.NU], values[j, at.NU_BEFORE]
         if alone and before == before:
-            values[j, at.NOISE] -= (nu * before + values[j, at.NOISE]) * share
+            most = USUAL * max(values[j, at.NOISE], values[j, at.BASE])
+            spoken = min(max(-nu * before, -most), most)
+            values[j, at.NOISE] += (spoken - values[j, at.NOISE]) * share
         values[j, at.NU_BEFORE] = nu
 
 

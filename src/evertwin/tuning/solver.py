@@ -25,7 +25,7 @@ from evertwin.tuning.nonlinear import least_squares
 from evertwin.tuning.problem import Problem
 from evertwin.tuning.sensitivity import Sensitivity
 from evertwin.tuning.settings import Settings
-from evertwin.types import Float64, Outputs, ParameterVector, PerOutput, Vector
+from evertwin.types import Bool, Float64, Outputs, ParameterVector, PerOutput, Vector
 
 
 def solve(
@@ -54,16 +54,23 @@ def solve(
         return _search(problem, settings or problem.settings, began)
 
 
-def closed(problem: Problem) -> tuple[Vector, PerOutput, Float64[np.ndarray, "ny k k"]]:
-    """A linear problem without its bounds: (values, noise, what each output tells of them)."""
+def closed(
+    problem: Problem, kept: Bool[np.ndarray, "n ny"] | None = None
+) -> tuple[Vector, PerOutput, Float64[np.ndarray, "ny k k"]]:
+    """A linear problem without its bounds: (values, noise, what each output tells of them).
+
+    Args:
+        kept: which values count, (n, ny); None: all.
+    """
     start, (_, _, columns, at) = problem.start, problem.reduced
+    first = problem.first if kept is None else np.where(kept, problem.first, np.nan)
     scale = np.full(len(at), np.nan) if problem.scale is None else problem.scale
-    change, noise, blocks, code = solved(problem.first, columns, at, problem.information, scale)
+    change, noise, blocks, code = solved(first, columns, at, problem.information, scale)
     if not np.isfinite(blocks).all():
         raise DataError(_beyond(problem))
     if code == FINE:
         return start + change, noise, blocks
-    careful = ClosedForm(at, start, problem.information, scale).carefully(problem.first, columns)
+    careful = ClosedForm(at, start, problem.information, scale).carefully(first, columns)
     return careful.values, careful.noise, blocks
 
 
