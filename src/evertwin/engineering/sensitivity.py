@@ -31,7 +31,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -39,6 +39,7 @@ import numpy as np
 from evertwin.errors import ModelError, needs
 from evertwin.fold.block import first
 from evertwin.tuning import Problem
+from evertwin.tuning.unseen import on
 from evertwin.types import Float64, Vector
 
 with needs("engineering"):
@@ -183,7 +184,7 @@ def counted(problem: Problem) -> np.ndarray:
 
 def few(problem: Problem) -> Problem:
     """The first recordings, `ROWS` rows about: where every parameter is simulated several times."""
-    return replace(problem, windows=first(problem.windows, ROWS))
+    return on(problem, first(problem.windows, ROWS))
 
 
 def _form(problem: Problem, spans: Vector) -> dict[str, Any]:

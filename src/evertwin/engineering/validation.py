@@ -42,6 +42,7 @@ from evertwin.rows.feed import Data, Feed
 from evertwin.setup.evaluation import Prediction, predict
 from evertwin.setup.setup import Setup
 from evertwin.setup.windows import starts
+from evertwin.tuning.hidden_starts import begun
 from evertwin.types import Inputs, Intervals, Json, Outputs, ParameterVector, StateVector
 
 ROWS = 200
@@ -213,9 +214,10 @@ def _seen(
         return tuned.judged(tuned.rows(data)).predictions
     model, p = versions.model(number), versions[number].p
     blocks = screened(setup, model, p, Feed(setup.spec, setup.model).blocks(data))
+    found = [(block, own_start(setup, model, p, block)) for block in starts(setup, blocks)]
     return [
-        predict(setup, model, own_start(setup, model, p, block), block)
-        for block in starts(setup, blocks)
+        predict(setup, model, own.p, block, start=begun(model, own.p, own.fitted, 0)[0])
+        for block, own in found
     ]
 
 

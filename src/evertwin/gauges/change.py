@@ -19,7 +19,7 @@ from evertwin.gauges.gauge_rows import residual, unchanged
 from evertwin.gauges.sensor_change import unmeasured
 from evertwin.gauges.settled import settled
 from evertwin.tuning import Problem
-from evertwin.tuning.recordings import initials
+from evertwin.tuning.recordings import beginning
 from evertwin.types import Inputs, Outputs, PerOutput
 
 BLOCKS, ROWS = 384, 10
@@ -98,7 +98,7 @@ def changed(windows: Windows, pose: Callable[[Windows], Problem]) -> int:
     if not place:
         return 0
     fitted = settled(pose(split(windows, place)[1]))
-    values, begins = whole.start.copy(), initials(whole.model)  # these are of the first rows
+    values, begins = whole.start.copy(), beginning(whole.model, whole.names)  # of the first rows
     for name, value in zip(fitted.names, fitted.values, strict=True):
         if name in whole.names and name not in begins:
             values[whole.names.index(name)] = value

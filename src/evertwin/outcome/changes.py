@@ -73,7 +73,7 @@ def _halves(now: Mapping[str, float], events: Sequence[Event]) -> dict[str, floa
     """Half the widths of the intervals that the newest fit with these values gave."""
     for event in reversed(events):
         fitted: Any = event.evidence.get("parameters") if event.kind == "tuned" else None
-        if fitted and all(now.get(name) == one["value"] for name, one in fitted.items()):
+        if fitted and all(fitted[n]["value"] == now[n] for n in fitted if n in now):
             return {
                 name: (one["interval95"][1] - one["interval95"][0]) / 2
                 for name, one in fitted.items() if None not in one["interval95"]
@@ -86,7 +86,8 @@ def spelled(event: Event, setup: Setup, versions: Versions, live: int) -> Event:
     moved; any other as it is."""
     if event.kind == "tuned":
         fitted: Any = event.evidence.get("parameters", {})
-        moves = [(name, one["start"], one["value"]) for name, one in fitted.items()]
+        own = {name: one for name, one in fitted.items() if name in versions[live].names}
+        moves = [(name, one["start"], one["value"]) for name, one in own.items()]
         units = {name: one["unit"] for name, one in fitted.items()}
         halves = _halves({name: now for name, _, now in moves}, [event])
         moved = [move for move in moves if move[1] != move[2]]

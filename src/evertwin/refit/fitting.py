@@ -23,7 +23,7 @@ from evertwin.models import Model, Parameters
 from evertwin.models.form import Form
 from evertwin.refit.recursive_fit import Recursion
 from evertwin.refit.screening import screened
-from evertwin.refit.term_search import Formed, check_initials, own_start, with_terms
+from evertwin.refit.term_search import Formed, Started, check_initials, own_start, with_terms
 from evertwin.refit.work import Work
 from evertwin.refit.workers import far_of
 from evertwin.rows.feed import Data, Feed
@@ -38,13 +38,13 @@ from evertwin.tuning import (
     Fit,
     Problem,
     carried,
-    initials,
     moved,
     repeated,
     solve,
     started,
     told_apart,
 )
+from evertwin.tuning.hidden_starts import begun
 from evertwin.tuning.interrupt import Interrupt
 from evertwin.tuning.least_trimmed import trimmed
 from evertwin.tuning.tangent import leaning, searched, told
@@ -55,14 +55,14 @@ Watch: TypeAlias = Callable[[int, float], bool]
 
 
 class Judged(NamedTuple):
-    """Predictions of a recording's tasks, and the parameters that each was made with.
+    """Predictions of a recording's tasks, and what each begins with that nothing measures.
 
-    >>> Judged([], []).values
+    >>> Judged([], []).begun
     []
     """
 
     predictions: list[Prediction]
-    values: list[dict[str, float]]
+    begun: list[dict[str, float]]
 
 
 @dataclass(frozen=True)
@@ -235,18 +235,19 @@ class Tuned:
     def judged(self, blocks: tuple[Block, ...], own: bool = True) -> Judged:
         """Predictions of tasks; ``own``: not learned from, so each finds the start it had."""
         setup, model, found = self.setup, self.model, self.formed.fit
-        names, blocks = model.parameters.names, starts(setup, blocks)
+        blocks = starts(setup, blocks)
         if own and setup.spec.tuning.method == "recursive":
             recursion = Recursion.after(setup, self.formed.problem, found)
             return Judged([recursion.predict(b) for b in blocks], [{} for _ in blocks])
-        fitted = found.names, found.values
-        used = [
-            own_start(setup, model, found.p, b) if own else started(model, found.p, fitted, k)
-            for k, b in enumerate(blocks)
-        ]
-        before = () if own else self.formed.problem.before
-        seen = [predict(setup, model, p, b, before) for p, b in zip(used, blocks, strict=True)]
-        return Judged(seen, [dict(zip(names, p.tolist(), strict=True)) for p in used])
+        seen, said = list[Prediction](), list[dict[str, float]]()
+        for k, block in enumerate(blocks):
+            fit = own_start(setup, model, found.p, block) if own else Started.of(found)
+            k, before = (0, ()) if own else (k, self.formed.problem.before)
+            p = started(model, fit.p, fit.fitted, k)
+            x0, told = begun(model, p, fit.fitted, k)
+            seen.append(predict(setup, model, p, block, before, x0))
+            said.append(told)
+        return Judged(seen, said)
 
 
 def tune(
@@ -361,7 +362,7 @@ def fit(
     formed, model, found = done.formed, done.model, done.formed.fit
     tests = [(named(item), done.judged(done.rows(listed(item)))) for item in test]
     together = [prediction for _, one in tests for prediction in one.predictions]
-    rule, free = setup.spec.filter, initials(model)
+    rule = setup.spec.filter
     return FitResult(
         setup.spec.name, found, deviations(setup, done.judged(done.tasks, own=False).predictions),
         deviations(setup, together) if tests else (),
@@ -369,10 +370,7 @@ def fit(
         done.chosen.laws, done.chosen.causes,
         None if rule is None else {"kind": rule.kind, "order": rule.order, "cutoff": rule.cutoff},
         model.parameters.with_values(found.p), formed.form, done.unknown, formed.search,
-        tuple(
-            tuple({name: p[name] for name in free if name in p} for p in one.values)
-            for _, one in tests
-        ),
+        tuple(tuple(one.begun) for _, one in tests),
         done.feed.left_out, _spoiled(model, done.tasks),
     )  # fmt: skip
 

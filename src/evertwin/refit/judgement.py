@@ -16,6 +16,7 @@ from evertwin.gauges.noise import buried
 from evertwin.setup.evaluation import falls_short
 from evertwin.setup.setup import Setup
 from evertwin.tuning import Fit, Problem, solve
+from evertwin.tuning.recordings import beginning
 
 NEARLY_ALL = 0.9
 """Part of the deviation from which on tuned numbers are tried before another form is looked for."""
@@ -61,11 +62,11 @@ def _too_early(setup: Setup, problem: Problem) -> str:
 
 def _judged(setup: Setup, problem: Problem, fit: Fit) -> Verdict:
     refits = {}
-    there = problem.model.parameters.names
+    there, own = problem.model.parameters.names, beginning(problem.model, problem.names)
     for cause, names in setup.causes.items():
         chosen = tuple(name for name in names if name in there)
         if chosen:
-            refits[cause] = solve(problem.tuning(chosen))
+            refits[cause] = solve(problem.tuning((*chosen, *own)))
     found = branch(fit, problem, refits, frozenset(setup.editable))
     noisy = buried(setup, problem, fit)
     if noisy and (found.kind == "normal" or found.evidence["dependence"]):

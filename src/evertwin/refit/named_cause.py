@@ -15,6 +15,7 @@ from evertwin.setup.evaluation import falls_short
 from evertwin.setup.setup import Setup
 from evertwin.setup.task import Task
 from evertwin.tuning import Problem
+from evertwin.tuning.recordings import beginning
 
 if TYPE_CHECKING:
     from evertwin.refit.work import Work
@@ -60,7 +61,7 @@ def named_first(
     except UsageError as error:  # the twin file is another one since it was named
         events.append(event("heeded", task.cause, f"{error}: all is tuned", {"cause": task.cause}))
         return None
-    problem, fit, rounds = work.tune(posed.tuning(names))
+    problem, fit, rounds = work.tune(posed.tuning((*names, *beginning(posed.model, posed.names))))
     part, short = explained(fit, fit.noise), falls_short(work.setup, problem, fit)
     said = f"{task.cause}, which was named, explains {100 * part:.0f} % of the deviation"
     evidence = {"cause": task.cause, "explained": part, "at_bound": fit.at_bound}

@@ -17,7 +17,7 @@ from evertwin.fold import take
 from evertwin.gauges.change import split
 from evertwin.setup.task import Windows
 from evertwin.tuning import Fit, Problem
-from evertwin.tuning.recordings import initials
+from evertwin.tuning.recordings import beginning
 from evertwin.types import Vector
 
 CLEARLY = 0.3
@@ -69,10 +69,10 @@ def _better(halves: tuple[Windows, Windows], pose: Pose, tune: Tune) -> bool:
 
 def _with(posed: Problem, fit: Fit, begins: Fit) -> Vector:
     """The machine's numbers of one fit; how recordings began of the other, which is of the same."""
-    machine = set(posed.model.parameters.names) - set(initials(posed.model))
+    begun = beginning(posed.model, posed.names)
     values = posed.start.copy()
     for k, name in enumerate(posed.names):
-        one = fit if name in machine else begins
+        one = begins if name in begun else fit
         if name in one.names:
             values[k] = one[name]
     return values

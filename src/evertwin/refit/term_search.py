@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -28,7 +28,8 @@ from evertwin.refit.work import Work
 from evertwin.refit.workers import formed as formed_far
 from evertwin.setup.setup import Setup
 from evertwin.tuning import Fit, Problem, initials, own_names, solve
-from evertwin.types import Json, ParameterVector
+from evertwin.tuning.hidden_starts import own_starts
+from evertwin.types import Json, ParameterVector, Vector
 
 GAIN = 0.05
 """Least relative fall of the tuned residual that the terms must bring."""
@@ -47,6 +48,29 @@ class Formed:
     form: Form
     search: Mapping[str, Any] = field(default_factory=dict)
     """Held-out deviations before and after, and what was tried; empty without a search."""
+
+
+class Started(NamedTuple):
+    """What a recording begins with that nothing measures.
+
+    >>> Started._fields
+    ('names', 'values', 'p')
+    """
+
+    names: tuple[str, ...]
+    values: Vector
+    p: ParameterVector
+    """The model's parameters with it."""
+
+    @classmethod
+    def of(cls, fit: Fit) -> Started:
+        """Of recordings that were tuned on."""
+        return cls(fit.names, fit.values, fit.p)
+
+    @property
+    def fitted(self) -> tuple[tuple[str, ...], Vector]:
+        """Names and values, as of a fit."""
+        return self.names, self.values
 
 
 def check_initials(setup: Setup, model: Model, tasks: tuple[Block, ...]) -> None:
@@ -158,10 +182,11 @@ def _rms(one: Fit, two: Fit) -> list[tuple[str, float, float]]:
     ]
 
 
-def own_start(setup: Setup, model: Model, p: ParameterVector, window: Block) -> ParameterVector:
-    """The parameters with the unmeasured start that fits this recording best."""
-    names = initials(model)
+def own_start(setup: Setup, model: Model, p: ParameterVector, window: Block) -> Started:
+    """The unmeasured start that fits this recording best, and the parameters with it."""
+    names = (*initials(model), *own_starts(model, 1))
     if not names:
-        return p
+        return Started((), np.zeros(0), p)
     prior = model.parameters.with_values(p)
-    return solve(Problem(model, (window,), names, setup.horizon, prior=prior)).p
+    fit = solve(Problem(model, (window,), names, setup.horizon, prior=prior))
+    return Started.of(fit)

@@ -25,6 +25,7 @@ from evertwin.setup.setup import Setup
 from evertwin.setup.task import Task, Windows
 from evertwin.tuning import Fit, Iteration, Problem, Schedule, Settings, own_names
 from evertwin.tuning.assemble import rms
+from evertwin.tuning.hidden_starts import own_starts
 from evertwin.tuning.recordings import initials
 from evertwin.types import Vector
 
@@ -52,9 +53,10 @@ class Tuner:
 
     def problem(self, version: Version, windows: Windows, names: tuple[str, ...]) -> Problem:
         """The tuning problem of a version on a window."""
-        model = self.versions.model_of(version.form)
+        model, count = self.versions.model_of(version.form), len(windows)
+        tuned = (*own_names(model, names, count), *own_starts(model, count))
         return Problem(
-            model, windows, own_names(model, names, len(windows)), self.setup.horizon, None,
+            model, windows, tuned, self.setup.horizon, None,
             self.setup.smooth_window,
             model.parameters.with_values(version.p), self.setup.spec.tuning.loss,
             self.setup.moving if self.setup.spec.moving is not None else None,

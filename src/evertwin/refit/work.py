@@ -58,6 +58,7 @@ from evertwin.setup.task import Task, Windows
 from evertwin.trial import admit
 from evertwin.tuning import Fit, Problem
 from evertwin.tuning.before import later
+from evertwin.tuning.recordings import beginning
 from evertwin.types import Json, ParameterVector
 
 LEAST = 0.05
@@ -261,7 +262,8 @@ class Work(Tuner):
         names = tuple(n for n in self.setup.causes.get(verdict.cause, ()) if n in problem.names)
         if not names:
             return None
-        problem, fit, _ = self.tune(problem.tuning(names))
+        own = beginning(problem.model, problem.names)
+        problem, fit, _ = self.tune(problem.tuning((*names, *own)))
         return self.tuned(version, problem, fit, problem.windows, events)
 
     def _helps(self, verdict: Verdict, fit: Fit) -> bool:

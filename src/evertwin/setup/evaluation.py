@@ -20,7 +20,7 @@ from evertwin.signals.sizes import size
 from evertwin.sync.horizon import residuals, restarts
 from evertwin.tuning import Fit, Problem
 from evertwin.tuning.before import begins
-from evertwin.types import Float64, Json, Outputs, ParameterVector, PerOutput, Vector
+from evertwin.types import Float64, Json, Outputs, ParameterVector, PerOutput, StateVector, Vector
 
 
 @dataclass(frozen=True)
@@ -40,15 +40,23 @@ class Prediction:
 
 
 def predict(
-    setup: Setup, model: Model, p: ParameterVector, window: Block, before: Sequence[Block] = ()
-) -> Prediction:
-    """A version's predictions of one window over the twin's horizon; ``before``: rows before it."""
+    setup: Setup, model: Model, p: ParameterVector, window: Block, before: Sequence[Block] = (),
+    start: StateVector | None = None,
+) -> Prediction:  # fmt: skip
+    """A version's predictions of one window over the twin's horizon.
+
+    Args:
+        before: rows before it, which tell what it begins with.
+        start: what it begins with, NaN where that, or the model, tells it, (nx,).
+    """
     if len(model.states):
         seen = observed(model, np.isfinite(window.y).any(axis=0))
         x0 = seen.initial(p)
         begun = begins(model, p, setup.horizon, (before, (window,))).get(window.row)
         if begun is not None:
             x0[: len(begun)] = begun
+        if start is not None:
+            x0[: len(start)] = np.where(np.isnan(start), x0[: len(start)], start)
         plan = restarts(window, setup.horizon, x0, remembers(seen))
         y = Batch(seen).run(window.u, window.dt, p[None], plan, x0[None])[0]
     else:

@@ -25,7 +25,7 @@ from evertwin.setup.windows import apart
 from evertwin.tuning import Fit, Problem
 from evertwin.tuning.tangent import Inside, searched
 from evertwin.tuning.terms import climb_terms, folded
-from evertwin.tuning.unseen import held_out
+from evertwin.tuning.unseen import held_out, on
 from evertwin.types import PerOutput
 
 ENOUGH = 1000
@@ -125,7 +125,7 @@ def nested(setup: Setup, problem: Problem) -> tuple[tuple[str, ...], ...]:
 
 def unseen(problem: Problem) -> PerOutput:
     """The error on held-out tasks, or parts of the only one, as the ladder is climbed by."""
-    return held_out(replace(problem, windows=_folds(apart(problem.windows))))
+    return held_out(on(problem, _folds(apart(problem.windows))))
 
 
 def _tried(setup: Setup, problem: Problem) -> list[Rung]:
@@ -157,7 +157,7 @@ def climb_laws(setup: Setup, problem: Problem) -> tuple[Problem, Chosen]:
         p = problem.parameters.with_values(values).values[: len(model.parameters)]
         return {name for push in pushes(model, p, few) for name in push.negative}
 
-    parts = replace(problem, windows=_folds(apart(problem.windows)))
+    parts = on(problem, _folds(apart(problem.windows)))
     ascent = climb_terms(parts, tried, wrong=pushing)
     out = [r for r in tried if r.name not in ascent.taken[r.output]]
     kept = {name for r in tried if r not in out for name, _ in (*r.shape, *r.switch)}

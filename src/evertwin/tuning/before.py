@@ -16,8 +16,8 @@ from evertwin.models import Model, observed, remembers
 from evertwin.models.function import kernel_of
 from evertwin.models.rollout import roll
 from evertwin.sync.horizon import restarts
-from evertwin.tuning.recordings import initials
-from evertwin.types import Bools, Outputs, ParameterVector, StateVector
+from evertwin.tuning.recordings import given
+from evertwin.types import Outputs, ParameterVector, StateVector
 
 LITTLE = 0.02
 """Share of the spread of an output that does not tell a state any more."""
@@ -80,14 +80,6 @@ def begins(
             if np.isfinite(x).all():
                 found[window.row] = x
     return found
-
-
-def given(model: Model, p: ParameterVector) -> Bools:
-    """States whose start is a parameter that belongs to a recording, (nx,): these are fitted."""
-    other = p.copy()
-    for name in initials(model):
-        other[model.parameters.index(name)] += 1.0
-    return np.asarray(model.initial(other) != model.initial(p))
 
 
 def later(

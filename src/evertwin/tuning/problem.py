@@ -23,7 +23,6 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
@@ -42,18 +41,16 @@ from evertwin.models.batch import Batch, mapped
 from evertwin.models.kernel import ANEW
 from evertwin.signals import wrap
 from evertwin.sync.horizon import restarts
-from evertwin.tuning.before import Begins, begins, given
+from evertwin.tuning.before import Begins, begins
 from evertwin.tuning.closed import Reduced, dense, slots
 from evertwin.tuning.far import far_runs
-from evertwin.tuning.recordings import extended, places
+from evertwin.tuning.hidden_starts import Recording, starting
+from evertwin.tuning.recordings import extended
 from evertwin.tuning.rows import Filter, Rows, joined, prepared, smooth
 from evertwin.tuning.sensitivity import Sensitivity
 from evertwin.tuning.settings import Settings
 from evertwin.types import (
     Float64,
-    Inputs,
-    Int64,
-    Intervals,
     OutputRuns,
     Outputs,
     ParameterVector,
@@ -117,14 +114,21 @@ class Problem:
 
     @cached_property
     def parameters(self) -> Parameters:
-        """All parameters with start values, bounds and priors: of the model, then `recordings`."""
-        given = self.model.parameters if self.prior is None else self.prior
-        found = extended(self.model.parameters, self.model, len(self.windows))
-        if given.names == found.names:
-            return given
-        if given.names != self.model.parameters.names:
+        """All parameters with start values, bounds and priors: of the model, then of `recordings`,
+        then of `hidden_starts` where these are tuned."""
+        own, given = self.model.parameters, self._given
+        if given.names == own.names:
+            given = extended(given, self.model, len(self.windows))
+        elif given.names[: len(own)] != own.names:
             raise UsageError("prior: expected the model's parameters in the model's order")
-        return extended(given, self.model, len(self.windows))
+        if all(name in given.names for name in self.editable):
+            return given
+        p, rows = given.values[: len(own)], (self.windows, self._begins)
+        return given + starting(self.model, p, self.horizon, rows)
+
+    @property
+    def _given(self) -> Parameters:
+        return self.model.parameters if self.prior is None else self.prior
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -228,38 +232,30 @@ class Problem:
         """`predict` at several points at once."""
         if self.linear or self._rowwise:
             return [self._linear_prediction(values) for values in points]
-        rows, p = self.rows, np.stack([self.full(values) for values in points])
-        runs = [self._runs(p[:, at], rows.u[a:b], rows.dt[a:b], a) for a, b, at in self._recordings]
+        p = np.stack([self.full(values) for values in points])
+        runs = [self._runs(p, one) for one in self._recordings]
         return [np.asarray(self.smooth(y)) for y in joined(runs, 1)]
 
-    def _runs(self, p: ParameterVectors, u: Inputs, dt: Intervals, first: int) -> OutputRuns:
-        here, far = slice(first, first + len(u)), self.settings.far
+    def _runs(self, full: ParameterVectors, one: Recording) -> OutputRuns:
+        here, far, p = slice(one.first, one.stop), self.settings.far, full[:, one.at]
+        u, dt = self.rows.u[here], self.rows.dt[here]
         restart = Restart(self.restart.y[here], self.restart.code[here], self.model.initial(p[0]))
-        begun = self._begins.get(first)
-        if begun is not None:
-            own = given(self.model, p[0])
-            starts = np.stack([np.where(own, self.model.initial(one), begun) for one in p])
-            return self.batch.run(u, dt, p, restart, starts)
-        if far is not None and len(p) > 1:
+        starts = one.begins(self.model, full)
+        if far is not None and starts is None and len(p) > 1:
             return far_runs(far, u, dt, p, restart)
-        return self.batch.run(u, dt, p, restart)
+        return self.batch.run(u, dt, p, restart, starts)
 
     @cached_property
     def _begins(self) -> Begins:
-        """By the position of a window's first row, not its number."""
-        p = self._p[: len(self.model.parameters)]
-        found = begins(self.model, p, self.horizon, (self.before, self.windows))
-        edges = np.cumsum([0, *(len(window.t) for window in self.windows)]).tolist()
-        return {a: found[w.row] for a, w in zip(edges, self.windows) if w.row in found}
+        p = self._given.values[: len(self.model.parameters)]
+        return begins(self.model, p, self.horizon, (self.before, self.windows))
 
     @cached_property
-    def _recordings(self) -> list[tuple[int, int, Int64[np.ndarray, " np"]]]:
-        """(first row, end, places of the parameters) of what begins with the same numbers."""
-        edges = np.cumsum([0, *(len(window.t) for window in self.windows)]).tolist()
-        own = [places(self.parameters, self.model, self.names, k) for k in range(len(edges) - 1)]
-        if not self._begins and all(np.array_equal(at, own[0]) for at in own):
-            return [(0, edges[-1], own[0])]
-        return [(a, b, at) for (a, b), at in zip(pairwise(edges), own, strict=True)]
+    def _recordings(self) -> list[Recording]:
+        """What begins with the same numbers."""
+        found = Recording.of(self.parameters, self.model, self.names, (self.windows, self._begins))
+        alike = all(one.alike(found[0]) for one in found)
+        return [found[0]._replace(stop=found[-1].stop)] if alike else found
 
     @cached_property
     def _rowwise(self) -> bool:

@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from evertwin.models import Model, Parameters
-from evertwin.types import Int64, ParameterVector, Vector
+from evertwin.types import Bools, Int64, ParameterVector, Vector
 
 
 def initials(model: Model) -> tuple[str, ...]:
@@ -28,6 +28,14 @@ def initials(model: Model) -> tuple[str, ...]:
     """
     found: tuple[str, ...] = getattr(model, "initials", ())
     return found
+
+
+def given(model: Model, p: ParameterVector) -> Bools:
+    """States whose start is a parameter that belongs to a recording, (nx,): these are fitted."""
+    other = p.copy()
+    for name in initials(model):
+        other[model.parameters.index(name)] += 1.0
+    return np.asarray(model.initial(other) != model.initial(p))
 
 
 def own_names(model: Model, names: Sequence[str], recordings: int) -> tuple[str, ...]:
@@ -66,6 +74,12 @@ def started(
         place = model.parameters.index(name)
         out[place] = values.get(_own(name, k), out[place])
     return out
+
+
+def beginning(model: Model, names: Sequence[str]) -> tuple[str, ...]:
+    """Those of the tuned ``names`` that belong to a recording, not to the machine."""
+    own = initials(model)
+    return tuple(name for name in names if name in own or name not in model.parameters.names)
 
 
 def _own(name: str, k: int) -> str:
