@@ -64,7 +64,12 @@ def observed(model: Model, measured: Bools | None = None) -> Model:
     """The model with an observer of what no output that is ``measured`` tells; itself where there
     is none of that, where it lives in another process or runs its own batches."""
     inner = model.model if isinstance(model, Corrected) else model
-    if not len(model.states) or isinstance(inner, BatchModel) or kernel_of(model).remote:
+    if (
+        isinstance(model, Observed)
+        or not len(model.states)
+        or isinstance(inner, BatchModel)
+        or kernel_of(model).remote
+    ):
         return model
     hidden = _hidden(model, measured)
     return Observed(model, hidden) if 0 < len(hidden) <= MOST else model

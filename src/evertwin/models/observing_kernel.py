@@ -23,6 +23,8 @@ LITTLE, LEAST = 1e-6, 1e-3
 """Share of its size, or of `LEAST`, that a run begins apart in its hidden state."""
 GONE = 1e-3
 """Share of that which is left of it when a run tells nothing any more."""
+GROWN = 1e3
+"""Times that by which a run may go away from the model: further, it is no derivative any more."""
 FLAT = 1e-10
 """Share of a state's own information that the others do not give."""
 
@@ -78,6 +80,22 @@ def _begin(plan: Any, x: Any, at: Place) -> None:
         for i in range(nx):
             x[first + i] = x[i]
         x[first + h] += x[at.apart + k]
+
+
+@njit(cache=True)
+def _nearer(x: Any, at: Place, k: int, sizes: Any, share: float) -> None:
+    """A run that went away from the model comes nearer, by ``share``: what it tells is of a start
+    in units so much larger. What was told before counts the less."""
+    nx, ny, m = sizes
+    first = at.runs + k * nx
+    for i in range(nx):
+        x[first + i] = x[i] + share * (x[first + i] - x[i])
+    for j in range(ny):
+        x[at.slope + j * m + k] *= share
+        x[at.pull + j * m + k] *= share
+        for i in range(m):
+            x[at.told + (j * m + k) * m + i] *= share
+            x[at.told + (j * m + i) * m + k] *= share
 
 
 @njit(cache=True)
@@ -180,10 +198,12 @@ def step(context: Any, x: Any, u: Any, dt: float, p: Any, x_next: Any, y: Any) -
             )  # fmt: skip
             h = plan[HEADER + k]
             left = abs(ahead[first + h] - ahead[h])
-            if lost != 0 or not left > GONE * apart:
+            if lost != 0 or not GONE * apart < left < math.inf:
                 ahead[at.apart + k] = apart = 0.0
         for j in range(ny):
             ahead[at.slope + j * m + k] = (other[j] - out[j]) / apart if apart > 0.0 else 0.0
+        if apart > 0.0 and left > GROWN * apart:
+            _nearer(ahead, at, k, (nx, ny, m), apart / left)
     for j in range(ny):
         ahead[at.expected + j] = out[j]
     return failed

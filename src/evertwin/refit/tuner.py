@@ -25,7 +25,7 @@ from evertwin.setup.setup import Setup
 from evertwin.setup.task import Task, Windows
 from evertwin.tuning import Fit, Iteration, Problem, Schedule, Settings, own_names
 from evertwin.tuning.assemble import rms
-from evertwin.tuning.hidden_starts import own_starts
+from evertwin.tuning.hidden_starts import kept_near, own_starts
 from evertwin.tuning.recordings import initials
 from evertwin.types import Vector
 
@@ -54,6 +54,7 @@ class Tuner:
     def problem(self, version: Version, windows: Windows, names: tuple[str, ...]) -> Problem:
         """The tuning problem of a version on a window."""
         model, count = self.versions.model_of(version.form), len(windows)
+        model = kept_near(model, version.p, windows, self.setup.horizon)
         tuned = (*own_names(model, names, count), *own_starts(model, count))
         return Problem(
             model, windows, tuned, self.setup.horizon, None,

@@ -18,10 +18,10 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.fold import Block, take
-from evertwin.models import Model, Parameter, Parameters, hidden_of, observed
+from evertwin.models import Model, Parameter, Parameters, hidden_of, observed, remembers
 from evertwin.models.function import kernel_of
 from evertwin.models.rollout import roll
-from evertwin.sync.horizon import restarts
+from evertwin.sync.horizon import residuals, restarts
 from evertwin.tuning.before import Begins
 from evertwin.tuning.recordings import given, initials, places
 from evertwin.types import (
@@ -35,6 +35,8 @@ from evertwin.types import (
 
 MOST = 24
 """Numbers of this kind that a fit carries; more windows tell little of what each began with."""
+NEARER, HUGE = 1.0 / 3.0, 1e100
+"""Share of a deviation that an observer leaves of it at most, and the square of one without end."""
 WIDE, PARTS = 10.0, 16
 """Standard deviation of a start in sizes of its state, and the parts that tell that size."""
 
@@ -100,6 +102,28 @@ def own_starts(model: Model, windows: int) -> tuple[str, ...]:
     return tuple(_name(name, k) for k in range(windows) for name in names)
 
 
+def kept_near(model: Model, p: ParameterVector, windows: Sequence[Block], horizon: float) -> Model:
+    """The model; with its observer where a simulation runs away without: no start of a state that
+    nothing measures keeps an unstable one near its machine.
+
+    Args:
+        p: the model's parameters, (np,).
+        horizon: of its predictions [s].
+    """
+    seen = observed(model)
+    if seen is model:
+        return model
+    off = np.zeros((2, len(model.outputs)))
+    for window in windows:
+        for k, one in enumerate((model, seen)):
+            plan = restarts(window, horizon, one.initial(p), remembers(one))
+            y = roll(kernel_of(one), plan.x0, window.u, window.dt, p, plan)[1]
+            off[k] += np.nan_to_num(np.square(residuals(model, window, y)), posinf=HUGE).sum(axis=0)
+    sizes = sum(np.nansum(np.square(w.y - np.nanmean(w.y, axis=0)), axis=0) for w in windows)
+    astray = (off[0] > sizes) & (off[1] < NEARER**2 * off[0])
+    return seen if astray.any() else model
+
+
 def starting(
     model: Model, p: ParameterVector, horizon: float, rows: tuple[Sequence[Block], Begins]
 ) -> Parameters:
@@ -143,12 +167,16 @@ def _sizes(
 ) -> StateVector:
     """How far each state moves in a window; 1 where it does not, (nx,)."""
     kernel, x, seen = kernel_of(model), x0, [x0]
-    edges = np.linspace(0, len(window.t), PARTS + 1).astype(int).tolist()
-    for part in (take(window, a, b) for a, b in pairwise(edges) if a < b):
+    for part in _parts(window):
         x = roll(kernel, x, part.u, part.dt, p, restarts(part, horizon, x))[0]
         seen.append(x)
     size = np.ptp(np.stack(seen), axis=0)
     return np.where(np.isfinite(size) & (size > 0.0), size, 1.0)
+
+
+def _parts(window: Block) -> list[Block]:
+    edges = np.linspace(0, len(window.t), PARTS + 1).astype(int).tolist()
+    return [take(window, a, b) for a, b in pairwise(edges) if a < b]
 
 
 def _name(state: str, k: int) -> str:
