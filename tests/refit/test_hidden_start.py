@@ -46,15 +46,10 @@ def cell(seed: int, start: float | str) -> RunResult:
         return twin.run(data)
 
 
+@pytest.mark.parametrize("start", ["charged", 0.9])
 @pytest.mark.parametrize("seed", range(3))
-def test_a_change_is_told_and_tuned_where_the_start_is_a_parameter(seed: int) -> None:
-    result = cell(seed, "charged")
+def test_a_change_is_told_and_tuned(seed: int, start: float | str) -> None:
+    result = cell(seed, start)
     assert result.of_kind("changed") and result.of_kind("promoted")
     assert abs(result.parameters["resistance"].value - 0.035) < 1e-3
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_no_sensor_is_blamed_where_the_start_is_a_number(seed: int) -> None:
-    result = cell(seed, 0.9)
     assert not [e for e in result.of_kind("abnormal") if "number" in e.evidence]
-    assert "what charge was at row" in result.of_kind("rejected")[0].reason

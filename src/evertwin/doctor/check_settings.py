@@ -30,7 +30,6 @@ from evertwin.models.configured import configured
 from evertwin.models.form import Version
 from evertwin.refit.correcting import sarsa_settings
 from evertwin.refit.work import Work
-from evertwin.setup.lasting import lasting
 from evertwin.setup.setup import Setup
 from evertwin.tuning import Fit, Problem, solve
 from evertwin.tuning.advice import advise
@@ -49,22 +48,10 @@ def look_settings(view: View, figures: dict[str, Any]) -> Iterator[Finding]:
     """What is set, against what the data is like."""
     found = noise(view.setup, view.model, view.version.p, view.some(view.judged))
     figures["noise"] = dict(zip(view.model.outputs.names, found.tolist(), strict=True))
-    yield from _starts(view)
     yield from _horizon(view, found)
     yield from _tolerance(view, found)
     yield from _requirement(view, found)
     yield from _actions(view)
-
-
-def _starts(view: View) -> Iterator[Finding]:
-    for name in lasting(view.model, view.version.p, view.judged[0], view.setup.horizon):
-        yield Finding(
-            "start", name,
-            f"nothing measures {name}, and it does not forget where it began: that is a number in "
-            "the model, of the recording's first row",
-            "start", "give its start as a parameter, which is fitted where rows begin; without, "
-            "rows from the middle of a recording tell nothing", {},
-        )  # fmt: skip
 
 
 def _horizon(view: View, level: Vector) -> Iterator[Finding]:

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from evertwin.models.observing import (
         hidden_of as hidden_of,
         observed as observed,
+        unmeasured as unmeasured,
         remembers as remembers,
     )
     from evertwin.models.parameters import Parameter as Parameter, Parameters as Parameters

@@ -61,17 +61,9 @@ MOST = 8
 
 
 def observed(model: Model, measured: Bools | None = None) -> Model:
-    """The model with an observer of what no output that is ``measured`` tells; itself where there
-    is none of that, where it lives in another process or runs its own batches."""
-    inner = model.model if isinstance(model, Corrected) else model
-    if (
-        isinstance(model, Observed)
-        or not len(model.states)
-        or isinstance(inner, BatchModel)
-        or kernel_of(model).remote
-    ):
-        return model
-    hidden = _hidden(model, measured)
+    """The model with an observer of its `unmeasured` states; itself where there are none, or more
+    than `MOST`."""
+    hidden = () if isinstance(model, Observed) else unmeasured(model, measured)
     return Observed(model, hidden) if 0 < len(hidden) <= MOST else model
 
 
@@ -95,8 +87,19 @@ def hidden_of(model: Model) -> tuple[int, ...]:
     return model.hidden if isinstance(model, Observed) else ()
 
 
-def _hidden(model: Model, measured: Bools | None) -> tuple[int, ...]:
-    """States of the model itself that nothing sets, and those whose start is a parameter."""
+def unmeasured(model: Model, measured: Bools | None = None) -> tuple[int, ...]:
+    """Places of the model's own states that no output that is ``measured`` sets, and of those whose
+    start is a parameter; none where it lives in another process or runs its own batches.
+
+    >>> from evertwin.machines.thermal import ThermalBox
+    >>> unmeasured(ThermalBox())
+    (0,)
+    """
+    if isinstance(model, Observed):
+        return model.hidden
+    inner = model.model if isinstance(model, Corrected) else model
+    if not len(model.states) or isinstance(inner, BatchModel) or kernel_of(model).remote:
+        return ()
     p = model.parameters.values
     x, y = model.initial(p), np.full(len(model.outputs), 0.5)
     if measured is not None:
@@ -105,7 +108,6 @@ def _hidden(model: Model, measured: Bools | None) -> tuple[int, ...]:
     other = p.copy()
     for name in getattr(model, "initials", ()):
         other[model.parameters.index(name)] += 1.0
-    inner = model.model if isinstance(model, Corrected) else model
     own = np.arange(len(x)) < len(inner.states)  # a term's memory is short, but for such a start
     return tuple(np.flatnonzero(found & (own | (model.initial(other) != x))).tolist())
 

@@ -20,7 +20,6 @@ from evertwin.refit.answering import changed_since
 from evertwin.refit.judgement import NEARLY_ALL
 from evertwin.refit.physical import physically
 from evertwin.setup.evaluation import left
-from evertwin.setup.lasting import lasting
 from evertwin.setup.setup import Setup
 from evertwin.setup.task import Task, Windows
 from evertwin.tuning import Fit, Iteration, Problem, Schedule, Settings, own_names
@@ -100,9 +99,6 @@ class Tuner:
         version, worse = (live, None) if task.held else (version, worse)
         if version.form != live.form or not (task.held or worse):
             return windows, []
-        model = self.versions.model_of(version.form)
-        if lasting(model, version.p, windows[0], self.setup.horizon):
-            return windows, []  # what it was where the machine changed would not be known
         place = changed(windows, lambda rows: self.problem(version, rows, names))
         old, new = split(windows, place)
         if not place or not (worse is None or self.follows(version, worse, old)):

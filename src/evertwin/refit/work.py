@@ -53,11 +53,11 @@ from evertwin.refit.tuner import ENOUGH, Tuner
 from evertwin.refit.workers import setup_of
 from evertwin.setup.evaluation import left, sizes
 from evertwin.setup.friction_law import acting
-from evertwin.setup.lasting import begun
 from evertwin.setup.task import Task, Windows
 from evertwin.trial import admit
 from evertwin.tuning import Fit, Problem
 from evertwin.tuning.before import later
+from evertwin.tuning.hidden_starts import own_starts
 from evertwin.tuning.recordings import beginning
 from evertwin.types import Json, ParameterVector
 
@@ -98,8 +98,9 @@ class Work(Tuner):
         if self.known != known:
             return replace(self, known=known).content(task)
         try:
-            windows = begun(task.windows, model, p, horizon)
-            task = task._replace(windows=windows and later(model, p, horizon, (known, windows)))
+            if task.windows and not own_starts(model, len(task.windows)):
+                rows = later(model, p, horizon, (known, task.windows))
+                task = task._replace(windows=rows)
             if task.kind == "correct":
                 content = self.correct(task)
             else:

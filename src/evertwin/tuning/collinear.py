@@ -146,6 +146,9 @@ def _whole(problem: Problem, fit: Fit, found: Fit, stays: Mapping[str, Alike]) -
 def _needs(problem: Problem, alike: Alike) -> str:
     dynamic = len(problem.model.states) > 0
     pair = (alike.beside, alike.name)  # a scale is of all of a model's
-    told = problem.model, problem.parameters.names if dynamic else pair, problem.rows.u
+    own = problem.model.parameters.names
+    if not set(pair) <= set(own):
+        return "needs rows that begin at rest, or more of them"
+    told = problem.model, own if dynamic else pair, problem.rows.u
     needs = advise(*told, least=NEAR) or advise(*told, FAR, NEAR)
     return f"needs {' and '.join(needs)}" if needs else "no motion that was tried tells them apart"

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.fold import Block, take
-from evertwin.models import Model, Parameter, Parameters, hidden_of, observed, remembers
+from evertwin.models import Model, Parameter, Parameters, observed, remembers, unmeasured
 from evertwin.models.function import kernel_of
 from evertwin.models.rollout import roll
 from evertwin.sync.horizon import residuals, restarts
@@ -157,7 +157,7 @@ def begun(
 
 
 def _unmeasured(model: Model) -> tuple[int, ...]:
-    hidden = hidden_of(observed(model))
+    hidden = unmeasured(model)
     own = given(model, model.parameters.values) if hidden else ()
     return tuple(h for h in hidden if not own[h])
 
