@@ -18,6 +18,7 @@ from planted.axes import drawn
 from planted.twins import opened
 
 PLACED = "sign+position"
+Step = tuple[list[float], list[float]]
 
 
 def posed(effect: str, seed: int, way: float) -> tuple[Problem, float]:
@@ -101,7 +102,7 @@ def test_each_number_that_leans_on_one_that_is_held_says_so(seed: int) -> None:
     """A motor of which only the voltage and the speed are known: its torque constant brakes as its
     damping does, and what is held of that bends inertia and friction, too."""
 
-    def motor(x: Vector, u: Vector, dt: float, p: ParameterVector) -> tuple[list[float], list[float]]:
+    def motor(x: Vector, u: Vector, dt: float, p: ParameterVector) -> Step:
         torque = p[1] * (u[0] - p[1] * x[0]) / 1.9
         w = x[0] + dt * (torque - p[3] * x[0] - p[2] * math.tanh(x[0] / 2.0)) / p[0]
         return [w], [w]
