@@ -58,11 +58,11 @@ def _better(halves: tuple[Windows, Windows], pose: Pose, tune: Tune) -> bool:
     old, new = halves
     first, second = (sum(len(block.t) for block in half) // 2 for half in halves)
     before, behind = split(new, second)[0], split(old, first)[1]
-    newer, older = pose(new), pose(old)
-    late = np.arange(len(newer.rows.used)) >= second
-    early = np.arange(len(older.rows.used)) < first
-    return _nearer(newer, late, ((*old, *before), before), pose, tune) and _nearer(
-        older, early, ((*behind, *new), behind), pose, tune
+    young, aged = pose(new), pose(old)
+    late = np.arange(len(young.rows.used)) >= second
+    early = np.arange(len(aged.rows.used)) < first
+    return _nearer(young, late, ((*old, *before), before), pose, tune) and _nearer(
+        aged, early, ((*behind, *new), behind), pose, tune
     )
 
 
