@@ -153,3 +153,38 @@ def test_a_sensor_explains_by_what_it_is_off_by(scaled: bool) -> None:
     off, none = (Off(2, scaled, np.full(50, by), left) for by in (0.25, 0.0005))
     assert moves(rows, off, known) == pytest.approx(50 * (4.0 if scaled else 2.5) ** 2)
     assert moves(rows, none, known) < 1e-5 * moves(rows, off, known)
+
+
+def propeller(seed: int) -> RunResult:
+    """Its load cell reads 1.25 times as much from the middle on, or its thrust rose so."""
+    rng, n, turns, y = np.random.default_rng(seed), 4000, 0.0, np.empty(4000)
+    u = np.repeat(rng.uniform(0.1, 0.9, n // 50), 50)
+    for k in range(n):
+        y[k] = 8.0 * turns**2 - 0.05
+        turns += 0.02 * (u[k] - turns) / 0.1
+    y[n // 2 :] *= 1.25
+
+    def lifted(x: Vector, u: Vector, dt: float, p: ParameterVector) -> Step:
+        return [x[0] + dt * (u[0] - x[0]) / p[1]], [p[0] * x[0] ** 2 + p[2]]
+
+    model = FunctionModel(
+        lifted, Layout.of(u="1"), Layout.of(y="N"), Layout.of(turns="1"),
+        Parameters.of(k=(8.0, "N"), lag=(0.1, "s"), zero=(-0.05, "N")),
+    )  # fmt: skip
+    spec = TwinSpec(
+        "propeller", ModelSpec("python"), beat=Span(100), prediction=PredictionSpec(1.0),
+        anomaly=AnomalySpec(requirement=0.2, relative=False, window=Span(500)),
+    )  # fmt: skip
+    with Twin(spec, translated(model)) as twin:
+        return twin.run({"t": 0.02 * np.arange(n), "u": u, "y": y + rng.normal(0.0, 0.02, n)})
+
+
+def test_a_share_by_which_an_output_beside_the_states_leapt_is_not_learned() -> None:
+    told = [
+        e.reason
+        for seed in range(6)
+        for e in propeller(seed).of_kind("abnormal")
+        if "as a scale of its sensor" in e.reason
+    ]
+    assert len(told) >= 4
+    assert all("sensor or machine, that cannot be told" in said for said in told)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -9,11 +10,15 @@ import pytest
 
 from evertwin.fold import make_block
 from evertwin.machines.drive import DriveForce
+from evertwin.models import FunctionModel, Parameters
+from evertwin.signals import Layout
 from evertwin.tuning import Fit, Problem, solve, told_apart
+from evertwin.types import ParameterVector, Vector
 from planted.axes import drawn
 from planted.twins import opened
 
 PLACED = "sign+position"
+Step = tuple[list[float], list[float]]
 
 
 def posed(effect: str, seed: int, way: float) -> tuple[Problem, float]:
@@ -90,3 +95,32 @@ def test_a_short_axis_keeps_its_dry_friction(data_dir: Path) -> None:
     fit = twin.fit([str(data_dir / "emps" / "DATA_EMPS.mat")]).fit
     assert fit["Fc"] == pytest.approx(20.4, abs=1.5) and fit["Fqc"] == 0.0
     assert fit.verdict[names.index("Fqc")] == "not"
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_each_number_that_leans_on_one_that_is_held_says_so(seed: int) -> None:
+    """A motor of which only the voltage and the speed are known: its torque constant brakes as its
+    damping does, and what is held of that bends inertia and friction, too."""
+
+    def motor(x: Vector, u: Vector, dt: float, p: ParameterVector) -> Step:
+        torque = p[1] * (u[0] - p[1] * x[0]) / 1.9
+        w = x[0] + dt * (torque - p[3] * x[0] - p[2] * math.tanh(x[0] / 2.0)) / p[0]
+        return [w], [w]
+
+    rng, given = np.random.default_rng(seed), (1.5, 0.45, 0.5, 0.02)
+    truth = np.array([2.0, 0.52, 0.8, 0.012])
+    names = dict(zip(("J", "Kt", "Fc", "B"), ((one, "1") for one in given), strict=True))
+    speed = Layout.of(w="rad/s")
+    model = FunctionModel(motor, Layout.of(u="V"), speed, speed, Parameters.of(**names))
+    u = np.repeat(rng.uniform(-30.0, 30.0, 40), 50)[:, None]
+    dt = np.full(len(u), 0.1)
+    y = model.simulate(np.zeros(1), u, dt, truth)[1] + rng.normal(0.0, 0.05, u.shape)
+    rows = make_block(t=np.arange(len(u)) * 10**8, u=u, y=y)
+    problem = Problem(model, (rows,), tuple(names), 10.0)
+    told = told_apart(problem, solve(problem))
+    assert told.verdict[told.names.index("B")] == "not"
+    for name, value in zip(told.names, truth.tolist(), strict=True):
+        if name != "B":
+            low, high = told.interval(name)
+            assert low <= value <= high
+            assert "told with B = 0.02" in reason(told, name)

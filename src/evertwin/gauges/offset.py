@@ -51,6 +51,8 @@ OFTEN = 4
 """Leaps of an output from which on it is the model that is rough."""
 AT_ONCE = 1e-9
 """Horizon [s] of predictions from each row to the next."""
+SHARE = 0.1
+"""What a share is tried with, where nothing leapt by a known size."""
 SIDES = 1.96
 """Standard errors on either side of a number that nearly always hold it."""
 TRIED = 100
@@ -76,7 +78,8 @@ def offset(rows: Rows) -> SensorChange | None:
     if found is not None:
         return found
     watched = np.flatnonzero(rows.setup.watched).tolist()
-    found = _constant(rows, [(nu + k, False) for k in watched if not _has_offset(rows, k)])
+    columns = [(nu + k, False) for k in watched if not _has_offset(rows, k)]
+    found = _constant(rows, columns + [(nu + k, True) for k in watched if _follows(rows, k)])
     return of_inputs(rows, shifts, found) if shifts else found
 
 
@@ -122,7 +125,7 @@ def _constant(
         for k, scaled in columns
         for left, shift in (_shifted(rows, (k, scaled), seen, leap),)
         if left is not None
-        and (leap or _stepped(rows, k, shift))
+        and (leap or _stepped(rows, k, _size(rows, (k, scaled), shift)))
         and all(
             rows.total(left, part) < HALF * rows.total(rows.before, part)
             for part in ((seen, unseen) if leap else (unseen,))
@@ -136,7 +139,8 @@ def _constant(
         return None
     places = np.flatnonzero(unseen)
     lead = _lead(rows, left, rival, places)
-    if lead < -SURE and not leap:
+    near = scaled and rows.total(left, unseen) <= ALIKE * rows.total(rival, unseen)
+    if lead < -SURE and not (leap or near):
         return None
     at = np.arange(rows.count)
     grown = np.maximum(at - rows.since, 0)[:, None] / rows.count
@@ -154,7 +158,9 @@ def _constant(
         f"{channel.name} looks off by {size} from {row}{until}: as {what} of its sensor "
         f"this explains {share:.0f} % of the deviation on rows that it was not learned on, "
     )
-    jumped = leap or k < len(rows.setup.model.inputs)  # rows since then alone do not tell it
+    jumped = (
+        leap or scaled or k < len(rows.setup.model.inputs)
+    )  # rows since then alone do not tell it
     lasts = rows.goes_on(rows.since, stop) if jumped else None
     if lead > SURE:
         return SensorChange(
@@ -262,6 +268,13 @@ def _has_offset(rows: Rows, k: int) -> bool:
     return bool(((size > 0) & (np.nanstd(columns, axis=0) <= 1e-6 * size)).any())
 
 
+def _follows(rows: Rows, k: int) -> bool:
+    """Does output ``k`` of a model with states go by these, and is none of them, so that one number
+    of the machine makes it leap by a share as its sensor would?"""
+    setup = rows.setup
+    return bool(len(setup.model.states) and not (setup.adopts[k] or setup.model.outputs.angles[k]))
+
+
 def _shifted(
     rows: Rows, one: tuple[int, bool], seen: Bools, leap: float = 0.0
 ) -> tuple[Outputs | None, float]:
@@ -271,7 +284,9 @@ def _shifted(
     nu = len(rows.setup.model.inputs)
     usual = np.abs(np.diff(rows.values[:, k]))
     shift, step = 0.0, float(rows.sizes[k - nu] if k >= nu else np.nanmax(usual))
-    if scaled:
+    if scaled and not leap:
+        step = SHARE
+    elif scaled:
         true = float(rows.values[rows.since, k] - rows.zeros[k]) - leap
         leap = step = leap / true if true else np.nan
         if not leap > -1.0:  # a sign that turned is a reading of its own
@@ -305,6 +320,12 @@ def _sized(rows: Rows, one: Column, shift: float, seen: Bools, leap: float) -> C
     share = variance / (variance + own) if variance < np.inf else float(own < np.inf)
     size = found.size + share * (leap - found.size)
     return Constant(size, float(np.sqrt(share * own)) if share else found.error, found.left)
+
+
+def _size(rows: Rows, one: Column, shift: float) -> float:
+    """By how much a constant, or a share, made a column jump where it begins."""
+    read = float(rows.values[rows.since, one[0]] - rows.zeros[one[0]])
+    return read * shift / (1.0 + shift) if one[1] else shift
 
 
 def _over(rows: Rows, one: tuple[int, bool], shift: float) -> bool:

@@ -2,7 +2,8 @@
 
 Of the rows that tell the change, the newest quarter is predicted by a fit to all rows before it and
 by one to the quarter before it. Where the latter is clearly the better one, the older half is left
-out, and the question is asked again.
+out, and the question is asked again. A form that is wrong has each fit favour the rows about it by
+chance; of a machine that changes the oldest quarter is told better by the next one alone, too.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from evertwin.gauges.change import split
 from evertwin.setup.task import Windows
 from evertwin.tuning import Fit, Problem
 from evertwin.tuning.recordings import beginning
-from evertwin.types import Vector
+from evertwin.types import Bools, Vector
 
 CLEARLY = 0.3
 """Share of the squared deviation that newer rows take away at least."""
@@ -52,14 +53,29 @@ def _half(windows: Windows, names: int) -> tuple[Windows, Windows] | None:
 
 
 def _better(halves: tuple[Windows, Windows], pose: Pose, tune: Tune) -> bool:
-    """Do rows before the newest quarter tell it better without the older half?"""
+    """Do rows before the newest quarter tell it better without the older half, and rows behind the
+    oldest quarter that without the newer half?"""
     old, new = halves
-    count = sum(len(block.t) for block in new) // 2
-    before, posed = split(new, count)[0], pose(new)
-    long, short = tune(pose((*old, *before)))[1], tune(pose(before))[1]
-    used = posed.rows.used & (np.arange(len(posed.rows.used)) >= count)[:, None]
+    first, second = (sum(len(block.t) for block in half) // 2 for half in halves)
+    before, behind = split(new, second)[0], split(old, first)[1]
+    young, aged = pose(new), pose(old)
+    late = np.arange(len(young.rows.used)) >= second
+    early = np.arange(len(aged.rows.used)) < first
+    return _nearer(young, late, ((*old, *before), before), pose, tune) and _nearer(
+        aged, early, ((*behind, *new), behind), pose, tune
+    )
+
+
+def _nearer(
+    posed: Problem, at: Bools, rows: tuple[Windows, Windows], pose: Pose, tune: Tune
+) -> bool:
+    """Is what the second of ``rows`` tell clearly nearer to those ``at`` some than what the first
+    tell?"""
+    long, short = (tune(pose(one))[1] for one in rows)
+    begins = None if at[0] else short  # rows behind the first tell nothing of how these began
+    used = posed.rows.used & at[:, None]
     off = [
-        np.square(np.where(used, posed.residuals(_with(posed, fit, short)), np.nan))
+        np.square(np.where(used, posed.residuals(_with(posed, fit, begins)), np.nan))
         for fit in (long, short)
     ]
     known = np.isfinite(off[0]) & np.isfinite(off[1])
@@ -67,13 +83,14 @@ def _better(halves: tuple[Windows, Windows], pose: Pose, tune: Tune) -> bool:
     return bool(np.mean(sums[1] / np.maximum(sums[0], 1e-300)) <= 1.0 - CLEARLY)
 
 
-def _with(posed: Problem, fit: Fit, begins: Fit) -> Vector:
-    """The machine's numbers of one fit; how recordings began of the other, which is of the same."""
+def _with(posed: Problem, fit: Fit, begins: Fit | None) -> Vector:
+    """The machine's numbers of one fit; how recordings began of the other, which is of the same;
+    None: as it starts."""
     begun = beginning(posed.model, posed.names)
     values = posed.start.copy()
     for k, name in enumerate(posed.names):
         one = begins if name in begun else fit
-        if name in one.names:
+        if one and name in one.names:
             values[k] = one[name]
     return values
 

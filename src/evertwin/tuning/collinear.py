@@ -3,7 +3,9 @@
 Only a combination of collinear parameters is told, so the gate refuses them all, and a fit that
 puts all of them back predicts no better than before. Here one of them after the other stays as it
 was, from the last on: what starts at zero may stay out, and a law names its simple terms first.
-What is kept then makes up for the others, and the reasons say so.
+What is kept then makes up for the others, and the reasons say so: of each number that would be
+another one if what is held were. Its interval holds what it would be with none of that, or twice as
+much, to first order; what is held at zero is an effect that is left out.
 
 Where the form is wrong, *nearly* collinear parameters (`NEAR`) are no better told: each takes up
 what the form lacks, large against the other. A right form tells them by the part that differs.
@@ -33,7 +35,8 @@ from evertwin.models.corrected import Corrected
 from evertwin.tuning.advice import advise
 from evertwin.tuning.fit import Fit
 from evertwin.tuning.form_error import wrong_outputs
-from evertwin.tuning.identifiability import NULL
+from evertwin.tuning.identifiability import NULL, grade
+from evertwin.tuning.omitted import normal
 from evertwin.tuning.problem import Problem
 from evertwin.tuning.sensitivity import Spectrum
 from evertwin.tuning.solver import solve
@@ -67,7 +70,7 @@ def told_apart(problem: Problem, fit: Fit) -> Fit:
     told = set(fit.verdict) != {"not"} or isinstance(problem.model, Corrected)
     if len(problem.model.states) and told:
         return fit
-    found, stays = fit, dict[str, Alike]()
+    whole, found, stays = problem, fit, dict[str, Alike]()
     while len(found.names) > 1:
         alike = _alike(problem, found)
         if not alike:
@@ -75,7 +78,7 @@ def told_apart(problem: Problem, fit: Fit) -> Fit:
         stays |= {one.name: one for one in alike}
         problem = problem.tuning(tuple(n for n in found.names if n not in stays))
         found = solve(problem)
-    return _whole(problem, fit, found, stays) if stays else fit
+    return _leaning(whole, _whole(problem, fit, found, stays), tuple(stays)) if stays else fit
 
 
 def _alike(problem: Problem, fit: Fit) -> list[Alike]:
@@ -132,15 +135,44 @@ def _whole(problem: Problem, fit: Fit, found: Fit, stays: Mapping[str, Alike]) -
             f"collinear: on these rows {alike.beside} acts like it (all but {100 * alike.part:.2g} "
             f"%), so it stays as it was; {needs}"
         )
-        kept = fit.names.index(alike.beside)
-        note = f"told with {name} = {fit.start[place]:g}"
-        reasons[kept] = "; ".join(filter(None, (reasons[kept], note)))
+        _note(reasons, fit, alike.beside, name)
     return replace(
         found, names=fit.names, units=fit.units, values=values, start=fit.start, sigma=sigma,
         interval95=interval, covariance=covariance, verdict=tuple(verdict),
         reasons=tuple(reasons),
         message=f"{found.message}; {', '.join(stays)} as before: others act alike",
     )  # fmt: skip
+
+
+def _note(reasons: list[str], fit: Fit, kept: str, held: str) -> None:
+    """Says of a number that it is told with one that is held."""
+    at, said = fit.names.index(kept), f"told with {held} = {fit.start[fit.names.index(held)]:g}"
+    if said not in reasons[at].split("; "):
+        reasons[at] = "; ".join(filter(None, (reasons[at], said)))
+
+
+def _leaning(problem: Problem, fit: Fit, stays: tuple[str, ...]) -> Fit:
+    """The fit, whose intervals carry how far its numbers would move with what is held."""
+    products = normal(problem, fit)
+    told = zip(fit.names, fit.verdict, strict=True)
+    rest = np.flatnonzero([name not in stays and word != "not" for name, word in told])
+    if products is None or not len(rest):
+        return fit
+    half, reasons, verdict = np.diff(fit.interval95)[:, 0] / 2.0, [*fit.reasons], [*fit.verdict]
+    more = np.zeros(len(half))
+    for name in stays:
+        at = fit.names.index(name)
+        side = products[rest, at] * fit.start[at]
+        by = np.abs(np.linalg.lstsq(products[np.ix_(rest, rest)], side, rcond=None)[0])
+        for k in rest[by > half[rest]].tolist():
+            _note(reasons, fit, fit.names[k], name)
+        more[rest] += np.where(by > half[rest], by, 0.0)
+    interval = fit.interval95 + np.outer(more, (-1.0, 1.0))
+    sizes = np.maximum(np.abs(fit.start), np.abs(fit.values))
+    for k in np.flatnonzero(more).tolist():
+        (verdict[k],), (why,) = grade([""], (half + more)[k : k + 1] / sizes[k])
+        reasons[k] = "; ".join(filter(None, (reasons[k], why)))
+    return replace(fit, interval95=interval, verdict=tuple(verdict), reasons=tuple(reasons))
 
 
 def _needs(problem: Problem, alike: Alike) -> str:

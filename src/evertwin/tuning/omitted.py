@@ -37,7 +37,7 @@ def moved(problem: Problem, fit: Fit, terms: Mapping[str, tuple[str, ...]]) -> F
     Said is the term that a number hangs on most; values, intervals and verdicts stay.
     """
     free = np.array([verdict != "not" for verdict in fit.verdict])
-    products = _normal(problem, fit) if terms and fit.converged else None
+    products = normal(problem, fit) if terms and fit.converged else None
     if products is None:
         return fit
     half = np.diff(fit.interval95, axis=1)[:, 0] / 2.0
@@ -57,7 +57,7 @@ def moved(problem: Problem, fit: Fit, terms: Mapping[str, tuple[str, ...]]) -> F
     return replace(fit, reasons=tuple(reasons))
 
 
-def _normal(problem: Problem, fit: Fit) -> Float64[np.ndarray, "k k"] | None:
+def normal(problem: Problem, fit: Fit) -> Float64[np.ndarray, "k k"] | None:
     """Products of the columns of the tuned parameters, over rows that count; None: none are."""
     acting = problem.sensitivity(fit.values)
     if not acting.finite:
