@@ -23,6 +23,7 @@ from typing import Any, cast
 import numpy as np
 
 from evertwin.errors import DataError, naming
+from evertwin.sources.dates import beside
 from evertwin.sources.dialect import (
     COMMENTS,
     FOUND,
@@ -81,6 +82,19 @@ class TextTable:
                 break
         with naming(self.path.name, DataError, DataError):
             return detect(top[:4000], self.stated)
+
+    @cached_property
+    def times(self) -> dict[int, int]:
+        """Column of dates → the one of times of day that belongs to it."""
+        if "d" not in self.dialect.kinds:
+            return {}
+        first, lines, _ = next(self._blocks(1 << 16), (1, [], ""))
+        rows = (ln.rstrip(b"\r") for ln in lines[max(self.dialect.skip - first + 1, 0) :][:_TOP])
+        cells = [_split(ln, self.dialect) for ln in rows if not ln.startswith(COMMENTS)]
+        whole = [row for row in cells if len(row) == self.dialect.fields]
+        columns = [[c for one in of if (c := one.strip())] for of in zip(*whole, strict=True)]
+        found = beside(columns)
+        return {} if found is None else {found[0]: found[1]}
 
     @cached_property
     def columns(self) -> tuple[Column, ...]:
@@ -219,7 +233,7 @@ class _Piece:
             return Rows.empty(len(use), tuple(problems))
         lines, order = np.array(where, dtype=np.int64).T
         values = self._values(kept, use, lines, problems)
-        stamps = order if clock is None else texts(self._column(kept, clock))
+        stamps = order if clock is None else texts(self._stamps(kept, clock))
         return Rows(lines, order, stamps, values, tuple(problems))
 
     def _goes_on(self, kept: list[bytes], at: int, line: int, j: int) -> None:
@@ -253,6 +267,13 @@ class _Piece:
         if b"." in last and b"e" not in last.lower():
             return len(last.partition(b".")[2]) >= max(len(o.partition(b".")[2]) for o in others)
         return len(last) >= max(map(len, others)) or (d.kinds[-1] in "bt" and last in others)
+
+    def _stamps(self, kept: list[bytes], j: int) -> list[bytes]:
+        """Cells of time; of a date with the time of day that stands in a column of its own."""
+        cells, time = self._column(kept, j), self.table.times.get(j)
+        if time is None:
+            return cells
+        return [b"%b %b" % pair for pair in zip(cells, self._column(kept, time), strict=True)]
 
     def _column(self, kept: list[bytes], j: int) -> list[bytes]:
         delimiter = self.table.dialect.delimiter
