@@ -27,9 +27,6 @@ from evertwin.tuning.sensitivity import Sensitivity
 from evertwin.tuning.settings import Settings
 from evertwin.types import Bool, Float64, Outputs, ParameterVector, PerOutput, Vector
 
-FAR = 100.0
-"""Times the squares that a search leaves that its end may leave without the noise of the starts."""
-
 
 def solve(
     problem: Problem, p0: ParameterVector | None = None, settings: Settings | None = None
@@ -143,7 +140,7 @@ def _search(problem: Problem, settings: Settings, began: float) -> Fit:
     noise = noise_of(problem, left, acting.paid)
     freed = without_noise(problem, outcome.values, free, noise)
     there = squares(problem, problem.residuals(freed))
-    if np.all(there.left <= FAR * left.left):  # else the step led to where the model runs away
+    if np.isfinite(there.left).all():  # else the step led to where the simulation runs away
         outcome = outcome._replace(values=freed)
     end = problem.sensitivity(outcome.values)
     return assemble(problem, outcome._replace(held=held), end, began)
