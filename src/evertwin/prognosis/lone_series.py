@@ -257,10 +257,11 @@ def _check_share(limit: float, value: Vector, unit: str, below: bool) -> None:
 
 def _columns(table: Table) -> tuple[str, ...]:
     """Columns that may be values."""
-    clocks = {*CLOCKS, *TIMES, *COUNTS, "maintenance"}
+    clocks = {*CLOCKS, *TIMES, "maintenance"}
     there = [
         n for n in table.names
-        if not (plainly(n) in clocks and is_timely(table, n)) and not clock_of(n)
+        if not (plainly(n) in clocks and is_timely(table, n)) and n.lower() not in COUNTS
+        and not clock_of(n)
         and not n.endswith("sigma") and n not in table.dates and not is_serial(table, n)
         and n not in (spanning(table), way_of(table))
     ]  # fmt: skip
