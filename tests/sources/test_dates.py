@@ -96,6 +96,11 @@ def test_a_date_beside_a_time_of_day(tmp_path: Path) -> None:
     file.write_text("Datum;Uhrzeit;v\n" + "".join(rows))
     time = inspect(file).tables[0].time
     assert time is not None and (time.column, time.unit, time.duration) == ("Uhrzeit", "clock", 39)
+    days = [f"{k // 4 + 10}.01.2025;{6 * (k % 4):02}:30;1\n" for k in range(40)]
+    file.write_text("Datum;Uhrzeit;v\n" + "".join(days))  # of several days both do
+    time = inspect(file).tables[0].time
+    assert time is not None and (time.column, time.unit) == ("Datum", "dmy")
+    assert (time.duration, time.period) == (39 * 21600, 21600)
     file.write_text("Uhrzeit;t;v\n" + "".join(f"08:00:{k};{k / 10};1\n" for k in range(20, 60)))
     time = inspect(file).tables[0].time
     assert time is not None and time.column == "t"

@@ -47,6 +47,16 @@ def test_headings_in_the_middle_of_a_file(tmp_path: Path) -> None:
         values(tmp_path, text)
 
 
+def test_headings_again_where_the_rows_go_on_are_left_out_and_counted(tmp_path: Path) -> None:
+    rows = [f"{i};{i},5" for i in range(140)]
+    (tmp_path / "run.csv").write_text("\n".join(["t;x", *rows[:70], '"t";x', *rows[70:], ""]))
+    table = TextTable(tmp_path / "run.csv")
+    for strict in (True, False):
+        (found,) = table.rows(["t", "x"], None, strict)
+        assert found.values[:, 0].tolist() == list(range(140)) and found.line[70] == 73
+        assert [(p.kind, p.line) for p in found.problems] == [("heading", 72)]
+
+
 def test_dates_by_day_month_and_year() -> None:
     table = parse(["Datum;w", "06.01.2025;1,5", "13.01.2025 06:00;1,6", ";2"], "h.csv")
     days = table.column("Datum") / 86400.0 - 20094.0  # from 2025-01-06 on

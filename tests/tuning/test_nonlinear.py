@@ -16,7 +16,9 @@ from evertwin.models import Compiled, FunctionModel, Parameter, Parameters
 from evertwin.models.batch import Batch
 from evertwin.signals import Channel, Layout
 from evertwin.tuning import Far, Problem, Settings, solve
+from evertwin.tuning.identifiability import connected
 from evertwin.tuning.nonlinear import least_squares
+from evertwin.tuning.valleys import bends
 
 P = np.array([3.0, 2.0, 0.02])
 
@@ -145,6 +147,57 @@ def test_an_unconnected_knob_is_an_error(robot: Compiled, run: Any) -> None:
     loose = replace(robot, parameters=robot.parameters + Parameters.of(unused=(1.0, "1")))
     with pytest.raises(ModelError, match="unused: the knob is not connected"):
         solve(Problem(loose, (run(robot, 1.1, 0),)))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_knob_that_only_an_overflow_asks_for_is_connected(seed: int) -> None:
+    def step(x: Any, u: Any, dt: float, p: Any) -> Any:  # a tank that nothing measures, and below
+        upper = x[1] + dt * (0.04 * u[0] - 0.05 * max(x[1], 0.0) ** 0.5)
+        over, upper = max(upper - 10.0, 0.0), min(upper, 10.0)
+        upper = max(upper, 0.0)
+        lower = x[0] + dt * 0.05 * (upper**0.5 - max(x[0], 0.0) ** 0.5) + p[0] * over
+        return [lower, upper], [lower]
+
+    tanks = FunctionModel(
+        step, Layout.of(u="V"), Layout.of(y="V"), Layout.of(y="V", a="V"),
+        Parameters.of(spilt=(0.3, "1")),
+    )  # fmt: skip
+    rng = np.random.default_rng(seed)
+    u = np.repeat(rng.uniform(1.5, 6.3, 40), 35)[:, None]
+    with pytest.raises(ModelError):
+        connected(tanks, ("spilt",), u)
+    connected(tanks, ("spilt",), u, np.full(len(u), 4.0))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_beside_what_is_nearly_unstable_it_is_said_where_it_runs_away(seed: int) -> None:
+    def step(x: Any, u: Any, dt: float, p: Any) -> Any:  # Euler: stable from tau = dt/10 on
+        y, v = x
+        for _ in range(5):
+            v = v + dt / 5 * (p[0] * u[0] - v) / p[1]
+            y = y + dt / 5 * v
+        return [y, v], [y]
+
+    def cylinder(gain: float, tau: float) -> FunctionModel:
+        return FunctionModel(
+            step, Layout.of(u="V"), Layout.of(y="m"), Layout.of(y="m", v="m/s"),
+            Parameters.of(K=(gain, "m/(s V)"), tau=(tau, "s")),
+        )  # fmt: skip
+
+    rng = np.random.default_rng(seed)
+    u = np.repeat(rng.uniform(-1, 1, 60), 20)[:, None]
+    t = np.arange(len(u)) * 10**7
+    true = cylinder(0.04, 0.00111)
+    y = true.simulate(np.zeros(2), u, np.full(len(u), 0.01), true.parameters.values)[1]
+    rows = make_block(t=t, u=0.1 * u, y=0.1 * y + rng.normal(0, 5e-4, y.shape))
+    problem = Problem(cylinder(0.04, 0.00111), (rows,), horizon=1.0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        acting = problem.sensitivity(problem.start)
+        bent, edge = bends(problem, problem.start, acting, np.array([0.05]))
+        fit = solve(problem)
+    assert np.isfinite(bent).all()
+    assert "with tau = 0.0007" in edge and "runs away (y, row " in edge
+    assert "nan" not in str(fit) and "inf" not in str(fit)
 
 
 def test_a_silent_input_is_not_an_unconnected_knob(robot: Compiled) -> None:

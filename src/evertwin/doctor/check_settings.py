@@ -168,7 +168,7 @@ def look_tuning(view: View, figures: dict[str, Any]) -> Iterator[Finding]:
     causes = (name for names in view.setup.causes.values() for name in names)
     silent = {}
     for name in dict.fromkeys((*tuned, *causes)):
-        if reason := _disconnected(model, name, u):
+        if reason := _disconnected(model, name, view.windows):
             silent[name] = reason
             yield Finding(
                 "not_connected", name, reason, f"[tuning] editable or causes, {name}",
@@ -197,9 +197,11 @@ def _live(view: View) -> Model:
     return configured(view.model, parameters=view.model.parameters.with_values(view.version.p))
 
 
-def _disconnected(model: Model, name: str, u: np.ndarray) -> str:
+def _disconnected(model: Model, name: str, windows: tuple[Block, ...]) -> str:
+    u, dt = (np.concatenate([getattr(one, of) for one in windows]) for of in ("u", "dt"))
     try:
-        connected(model, (name,), u)
+        with np.errstate(over="ignore", invalid="ignore"):
+            connected(model, (name,), u, dt)
     except ModelError as error:
         return str(error)
     return ""

@@ -18,7 +18,7 @@ from evertwin.models import Model, Parameters
 from evertwin.models.form import Form, Version
 from evertwin.outcome.open_trial import OpenTrial, shorter
 from evertwin.outcome.summed_up import Several, summed_up
-from evertwin.signals.spoken import MANY, share, suited
+from evertwin.signals.spoken import MANY, percent, share, suited
 from evertwin.sources.tally import Tally
 from evertwin.types import Json
 
@@ -333,4 +333,4 @@ def _share(whole: float, moving: float) -> str:
     if whole >= MANY:
         return share(whole)
     apart = f" ({100 * moving:.2f} % moving)" if abs(moving - whole) > 0.1 * whole else ""
-    return f"{100 * whole:.2f} %{apart}"
+    return f"{percent(whole)}{apart}"

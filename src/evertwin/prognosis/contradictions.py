@@ -13,6 +13,8 @@ evertwin.errors.DataError: cell.csv:2: capacity: expected a life that begins on 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from evertwin.errors import DataError
@@ -32,6 +34,9 @@ LONE = 1000.0
 """A count lies far off beyond so many times the span of the others."""
 SMALL = 0.05
 """Share of the rows that may lie far off in time together."""
+FACTORS, ALIKE, MOST, NEAR_ZERO = (25.4, 1000.0, 14.5), 0.25, 0.8, 0.05
+"""Between units that people mix up; how alike machines begin, how many of them, and from which
+share of the limit on that tells anything."""
 ZEROS = 3
 """Zeros at the end that are no slip of one reading; as many values beyond the limit end a life."""
 SERIAL = (36_526.0, 73_050.0)
@@ -198,6 +203,40 @@ def check_limit(own: Indicator, where: str, *, alone: bool = True) -> None:
             f"{value[0]:.4g} with a limit {limit:g} ({own.limit.direction}): is the harmful side "
             f"{other}, or direction in the twin file)?"
         )
+
+
+def check_units(lives: Sequence[Indicator], own: Indicator) -> None:
+    """Asks back where like machines begin alike but for a factor between units.
+
+    Args:
+        lives: those of like machines, by the names of their files.
+        own: the machine that is asked for.
+
+    Raises:
+        DataError: with the file.
+    """
+    first, starts = _begins(own), np.array([_begins(one) for one in lives])
+    if not abs(first) > NEAR_ZERO * abs(own.limit.value):
+        return
+    with np.errstate(all="ignore"):
+        ratios = np.maximum(starts / first, first / starts)
+    known = ratios[np.isfinite(ratios)]
+    off = np.abs(known[:, None] / np.array([1.0, *FACTORS]) - 1.0).min(axis=1, initial=np.inf)
+    if not len(known) or np.mean(off < ALIKE) < MOST:
+        return  # they begin as they like
+    for one, start, ratio in zip(lives, starts.tolist(), ratios.tolist(), strict=True):
+        factor = next((f for f in FACTORS if abs(ratio / f - 1.0) < ALIKE), 0.0)
+        if factor:
+            raise DataError(
+                f"{one.name}: {own.name}: begins at {start:.4g}, the machine asked for at "
+                f"{first:.4g}, {factor:g} times apart: is it in another unit? State the units in "
+                f"the headings, as in {own.name} [mm], or leave the file out"
+            )
+
+
+def _begins(one: Indicator) -> float:
+    value = one.value[np.isfinite(one.value)]
+    return float(np.median(value[:FEW])) if len(value) else float("nan")
 
 
 def check_end(own: Indicator, name: str, table: Table | None = None) -> None:

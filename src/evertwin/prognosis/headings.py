@@ -11,6 +11,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from evertwin.sources.names import split_unit
 from evertwin.sources.small_table import Table
 
 COUNTS = ("index", "row", "n", "number")
@@ -25,6 +26,16 @@ _BESIDE = {"number", "no", "nr", "num", "index", "idx", "id", "count", "counter"
            "operating", "operation", "elapsed"}  # fmt: skip
 """Words that such a heading has beside what it counts."""
 
+
+_SPANS = {
+    60.0: {"min", "mins", "minute", "minutes", "minuten", "minuti", "minutos"},
+    604_800.0: {"week", "weeks", "wk", "woche", "wochen", "semaine", "semaines", "semanas"},
+}
+"""Seconds of one → the words that count it."""
+_WAYS = {"km", "kilometer", "kilometers", "kilometres", "miles", "mileage", "odometer",
+         "laufleistung", "strokes", "parts", "shots", "flights", "landings", "starts"}  # fmt: skip
+"""What else a life is counted in."""
+_LABELS = {"unit", "id", "case", "machine", "engine", "serial", "asset", "device", "sn", "no", "nr"}
 
 _DATED = {"date", "datetime", "datum", "fecha", "dato", "pvm"}
 
@@ -42,6 +53,68 @@ def clock_of(heading: str) -> str:
     """What a heading counts: run, cycle, h or d; empty where it says none of them."""
     rest = [word for word in _words(heading) if word not in _BESIDE]
     return next((clock for clock, own in _WORDS.items() if len(rest) == 1 and rest[0] in own), "")
+
+
+def plainly(heading: str) -> str:
+    """In small letters, but for a letter alone: T is no t."""
+    return heading.lower() if len(heading) > 1 else heading
+
+
+def found_in(words: Iterable[str], there: Iterable[str]) -> str | None:
+    """The first of ``words`` that is there; with capitals too, but T is no t."""
+    columns = tuple(there)
+    return next((n for word in words for n in columns if word in (n, plainly(n))), None)
+
+
+def is_timely(table: Table, name: str) -> bool:
+    """May a column be a time, by its unit? ``t [degC]`` is none."""
+    return table.units.get(name, "s") == "s"
+
+
+def seconds_of(heading: str) -> float:
+    """How many seconds one of what a heading counts has, where it is no unit of a clock; else 1.
+
+    >>> seconds_of("minutes"), seconds_of("week"), seconds_of("speed")
+    (60.0, 604800.0, 1.0)
+    """
+    rest = [word for word in _words(heading) if word not in _BESIDE]
+    return next((s for s, own in _SPANS.items() if len(rest) == 1 and rest[0] in own), 1.0)
+
+
+def spanning(table: Table) -> str | None:
+    """The first column that counts minutes or weeks."""
+    named = (n for n in table.names if n not in table.units)
+    return next((n for n in named if seconds_of(n) != 1.0), None)
+
+
+def way_of(table: Table) -> str | None:
+    """A column that counts a way, or strokes, and never falls."""
+    for name in table.names:
+        rest = [word for word in _words(name) if word not in _BESIDE]
+        at = table.column(name) if len(rest) == 1 and rest[0] in _WAYS else np.zeros(0)
+        if len(at) > 1 and np.isfinite(at).all() and (np.diff(at) >= 0.0).all() and at[-1] > at[0]:
+            return name
+    return None
+
+
+def is_label(table: Table, name: str) -> bool:
+    """Does a column tell which machine, or nothing: one number all through?"""
+    value = table.column(name)
+    value = value[np.isfinite(value)]
+    if len(value) < 2 or np.ptp(value) == 0.0:
+        return len(value) > 1
+    few = 2 * len(np.unique(value)) <= len(value) and bool(np.all(value == np.floor(value)))
+    return few and not _LABELS.isdisjoint(_words(name))
+
+
+def named(table: Table, said: str) -> str:
+    """A column by its heading, with its unit or without; as it is said where none is called so."""
+    there = (*table.names, *table.text)
+    if said in there:
+        return said
+    own = [n for n in there if said in (f"{n} [{table.written.get(n, '')}]", split_unit(n)[0])]
+    own = own or [n for n in there if split_unit(said)[0] == n]
+    return own[0] if len(own) == 1 else said
 
 
 def counting(clocks: Iterable[str], table: Table) -> str | None:

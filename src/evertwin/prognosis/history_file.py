@@ -33,6 +33,7 @@ import numpy as np
 from evertwin.config.prognosis import IndicatorSpec
 from evertwin.errors import DataError, UsageError
 from evertwin.fold import Event
+from evertwin.prognosis import headings
 from evertwin.prognosis.contradictions import (
     check_times,
     check_values,
@@ -40,7 +41,6 @@ from evertwin.prognosis.contradictions import (
     refuse_number,
     set_back,
 )
-from evertwin.prognosis.headings import clock_of, counting, numbering
 from evertwin.prognosis.laws import Maintenance
 from evertwin.prognosis.laws.calendar import FIRST, LAST, UNITS, Calendar
 from evertwin.prognosis.observed_series import Observed, component_of, marks_of, warm_of
@@ -234,7 +234,11 @@ def _counted(table: Table, clock: str) -> Counted:
     there = (*table.names, *table.text)
     if clock not in UNITS:
         said = (clock, "run", "cycle")
-        by = _found(said, there) or counting(said, table) or numbering(table)
+        by = (
+            headings.found_in(said, there)
+            or headings.counting(said, table)
+            or headings.numbering(table)
+        )
         return _by_row(table, clock) if by is None else Counted(_whole(table, by), by)
     by = counted_by(table, clock)
     if by is None:
@@ -242,7 +246,7 @@ def _counted(table: Table, clock: str) -> Counted:
             f"{table.name}: expected a column {clock!r}, or one of {', '.join(TIMES)}, to count "
             f"life by; got {', '.join(there)}: add one, or count runs with [prognosis] clock"
         )
-    plain = clock in (by, clock_of(by)) and by not in (*table.dates, *table.units)
+    plain = clock in (by, headings.clock_of(by)) and by not in (*table.dates, *table.units)
     at, notes = (_whole(table, by), ()) if plain else in_seconds(table, by)
     stamps = clock == "s" or not plain
     dated = by in table.dates or (stamps and bool(np.all((at > FIRST) & (at < LAST))))
@@ -252,9 +256,10 @@ def _counted(table: Table, clock: str) -> Counted:
 
 def counted_by(table: Table, clock: str = "s") -> str | None:
     """The column that tells the time: by its name, or as the only one of dates."""
-    by = _found((clock, *TIMES), (*table.names, *table.text))
+    there = (n for n in (*table.names, *table.text) if headings.is_timely(table, n))
+    by = headings.found_in((clock, *TIMES), there)
     by = next(iter(table.dates)) if by is None and len(table.dates) == 1 else by
-    return counting((clock,), table) if by is None else by
+    return by or headings.counting((clock,), table) or headings.spanning(table)
 
 
 def in_seconds(table: Table, by: str) -> tuple[Vector, tuple[str, ...]]:
@@ -266,22 +271,18 @@ def in_seconds(table: Table, by: str) -> tuple[Vector, tuple[str, ...]]:
     at, where = _whole(table, by), f"{table.name}: {by}"
     if by in table.units or by in table.dates:
         return at, ()
+    at = at * headings.seconds_of(by)
     for unit, size in (("milliseconds", 1e3), ("microseconds", 1e6), ("nanoseconds", 1e9)):
         if len(at) and np.all((at > FIRST * size) & (at < LAST * size)):
             return at / size, (f"{where} was read as {unit} since 1970",)
     return at, ()
 
 
-def _found(words: tuple[str, ...], there: tuple[str, ...]) -> str | None:
-    """The first of ``words`` that is there; with capitals too, but T is no t."""
-    return next(
-        (n for word in words for n in there if word in (n, n.lower() if len(n) > 1 else n)), None
-    )
-
-
 def _by_row(table: Table, clock: str) -> Counted:
     """One row after the other, or date after date."""
-    dates = next(iter(table.dates)) if len(table.dates) == 1 else _found(TIMES, tuple(table.dates))
+    dates = (
+        next(iter(table.dates)) if len(table.dates) == 1 else headings.found_in(TIMES, table.dates)
+    )
     said = f"{table.name}: no column {clock!r}: its {table.rows} rows were counted"
     if dates is None:
         for name in table.names:

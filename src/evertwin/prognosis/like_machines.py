@@ -16,6 +16,7 @@ from pathlib import Path
 from evertwin.config.prognosis import IndicatorSpec
 from evertwin.errors import DataError, UsageError
 from evertwin.models import Parameters
+from evertwin.prognosis.contradictions import check_units
 from evertwin.prognosis.headings import counting
 from evertwin.prognosis.health import indicator_of, series_of
 from evertwin.prognosis.history_file import counted_by
@@ -48,6 +49,8 @@ class Likes:
     parts: tuple[str, ...] = ()
     """Components of the twin."""
     parameters: Parameters | None = None
+    own: Indicator | None = None
+    """The machine that is asked for, where its values state no unit."""
 
 
 def files_of(patterns: Sequence[str], folder: Path, own: Sequence[Path] = ()) -> tuple[Path, ...]:
@@ -81,9 +84,11 @@ def fleet_of(asked: Likes) -> Fleet | None:
     if not files:
         return None
     written = [(str(file), file.stat().st_mtime_ns) for file in files]
-    key = repr((asked.rule, asked.limit, asked.clock, asked.failed, written))
+    key = repr((asked.rule, asked.limit, asked.clock, asked.failed, written, asked.own is None))
     if key not in _LEARNED:
         lived = [_named(asked, file) for file in files]
+        if asked.own is not None:
+            check_units(lived, asked.own)
         while len(_LEARNED) >= FLEETS:
             _LEARNED.pop(next(iter(_LEARNED)))
         _LEARNED[key] = learn(lived)

@@ -27,12 +27,23 @@ from evertwin.prognosis.another_type import of_its_type
 from evertwin.prognosis.contradictions import check_end, check_limit, is_serial
 from evertwin.prognosis.course import course, courses_by_law
 from evertwin.prognosis.formula import Formula
-from evertwin.prognosis.headings import COUNTS, clock_of, counting
+from evertwin.prognosis.headings import (
+    COUNTS,
+    clock_of,
+    counting,
+    is_label,
+    is_timely,
+    named,
+    plainly,
+    seconds_of,
+    spanning,
+    way_of,
+)
 from evertwin.prognosis.health import indicator_of, seen, today_of, unless_overdue
 from evertwin.prognosis.history_file import TIMES, counted_by, in_seconds, of_table
 from evertwin.prognosis.laws import Fleet, Indicator, Life, Limit, Maintenance, predict_life
 from evertwin.prognosis.laws.alarms import alarm_of
-from evertwin.prognosis.laws.calendar import FIRST
+from evertwin.prognosis.laws.calendar import FIRST, UNITS
 from evertwin.prognosis.laws.hypotheses import LAWS
 from evertwin.prognosis.laws.indicator import Direction
 from evertwin.prognosis.like_machines import Likes, fleet_of
@@ -86,7 +97,8 @@ def life_of_series(asked: Series, *, drawn: bool = False) -> Lives:
         UsageError: the column or the clock cannot be told.
     """
     table = read_table(asked.file)
-    column, clock = asked.column or _column(table), asked.clock or _clock(table)
+    column = named(table, asked.column) if asked.column else _column(table)
+    clock = asked.clock or _clock(table)
     limit = Limit(
         _limit(asked.limit, table, column, below=asked.direction == "below"), asked.direction
     )
@@ -99,12 +111,14 @@ def life_of_series(asked: Series, *, drawn: bool = False) -> Lives:
     check_limit(own, f"{table.name}:{table.lines[0]}")
     check_end(own, table.name, table)
     check_steps(own, table.name, known.lines)
-    likes = fleet_of(Likes(rule, limit, clock, asked.fleet, asked.failed))
+    bare = None if rule.unit else own
+    likes = fleet_of(Likes(rule, limit, clock, asked.fleet, asked.failed, own=bare))
     fleet, unlike = of_its_type(own, likes)
     if asked.from_today:
         own = seen(own, today_of((own,)))
     life = unless_overdue(own, predict_life(own, fleet=fleet))
-    own = own.with_(notes=(*own.notes, *unlike, *_shifted(own, fleet, known.lines)))
+    told = (*unlike, *_shifted(own, fleet, known.lines), *_away(own, life))
+    own = own.with_(notes=(*own.notes, *told))
     one = ComponentLife(column, rule, own, life, life, Formula.parse("1"), fleet=fleet)
     if drawn and isinstance(life, Life):
         way = course(own, life, LAWS, fleet)
@@ -131,6 +145,24 @@ def _shifted(own: Indicator, fleet: Fleet | None, lines: Sequence[int]) -> tuple
         f"{own.shown(sign * shift.after)} at once in row {lines[shift.row]} and goes on as before: "
         "was its sensor exchanged, or the part set anew? Then write adjusted there in a column "
         f"maintenance, for which this would be told: {said(other)}",
+    )
+
+
+def _away(own: Indicator, life: object) -> tuple[str, ...]:
+    """Says that values move away from the limit: it may lie on their other side."""
+    apart = own.since_replaced().distance()
+    apart = apart[np.isfinite(apart)]
+    third = len(apart) // 3
+    if isinstance(life, Life) or third < FEW:
+        return ()
+    first, last = apart[:third], apart[-third:]
+    noise = float(np.median(np.abs(np.diff(apart))))
+    if not np.quantile(last, 0.1) > np.quantile(first, 0.9) + noise:
+        return ()
+    other = "with --below" if own.limit.direction == "above" else "without --below"
+    return (
+        f"{own.name} moves away from its limit {own.limit.value:g} ({own.limit.direction}): is the "
+        f"harmful side the other one ({other}, and its limit there)?",
     )
 
 
@@ -225,13 +257,16 @@ def _check_share(limit: float, value: Vector, unit: str, below: bool) -> None:
 
 def _columns(table: Table) -> tuple[str, ...]:
     """Columns that may be values."""
-    clocks = {*CLOCKS, *TIMES, *COUNTS, "maintenance"}
+    clocks = {*CLOCKS, *TIMES, "maintenance"}
     there = [
         n for n in table.names
-        if n.lower() not in clocks and not clock_of(n) and not n.endswith("sigma")
-        and n not in table.dates and not is_serial(table, n)
+        if not (plainly(n) in clocks and is_timely(table, n)) and n.lower() not in COUNTS
+        and not clock_of(n)
+        and not n.endswith("sigma") and n not in table.dates and not is_serial(table, n)
+        and n not in (spanning(table), way_of(table))
     ]  # fmt: skip
     told = [n for n in there if np.isfinite(table.column(n)).any()]
+    told = [n for n in told if not is_label(table, n)] or told
     return tuple(n for n in told if not _counts(table.column(n))) or tuple(told or there)
 
 
@@ -256,7 +291,7 @@ def _column(table: Table) -> str:
 
 def _clock(table: Table) -> str:
     """What life is counted in, by the columns that there are."""
-    names = {n.lower() for n in table.names}
+    names = {plainly(n) for n in table.names if is_timely(table, n)}
     if found := [clock for clock in CLOCKS if clock in names]:
         return found[0]
     if by := counting(("run", "cycle"), table):
@@ -264,7 +299,9 @@ def _clock(table: Table) -> str:
     by = counted_by(table)
     if by is None:
         by = counting(("h", "d"), table)
-        return clock_of(by) if by else "run"
+        return clock_of(by) if by else way_of(table) or "run"
+    if by not in table.units and seconds_of(by) != 1.0:
+        return "h" if seconds_of(by) < UNITS["h"] else "d"
     at, _ = in_seconds(table, by)
     span = float(np.ptp(at))
     if by not in table.dates and not np.all(at > FIRST):

@@ -6,10 +6,9 @@ output, only while the error on held-out tasks falls.
 
 from __future__ import annotations
 
-import html
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
@@ -17,23 +16,23 @@ import numpy as np
 
 from evertwin.anomaly.verdict import branch
 from evertwin.engine import Engine
-from evertwin.fold import Block, Mark, plain
+from evertwin.fold import Block, Mark
 from evertwin.ledger.versions import Versions
-from evertwin.models import Model, Parameters
-from evertwin.models.form import Form
+from evertwin.models import Model
+from evertwin.refit.fit_result import FitResult as FitResult
+from evertwin.refit.fit_result import Held
 from evertwin.refit.recursive_fit import Recursion
 from evertwin.refit.screening import screened
 from evertwin.refit.term_search import Formed, Started, check_initials, own_start, with_terms
 from evertwin.refit.work import Work
 from evertwin.refit.workers import far_of
 from evertwin.rows.feed import Data, Feed
-from evertwin.setup.evaluation import Deviation, Prediction, deviations, falls_short, predict
+from evertwin.setup.evaluation import Prediction, as_required, deviations, falls_short, predict
 from evertwin.setup.friction_law import Chosen, acting, climb_laws, inside, joined
 from evertwin.setup.setup import Setup
 from evertwin.setup.task import Windows
 from evertwin.setup.windows import starts, windows_of
 from evertwin.sources.merging import Excerpt
-from evertwin.sources.tally import Tally
 from evertwin.tuning import (
     Fit,
     Problem,
@@ -48,7 +47,7 @@ from evertwin.tuning.hidden_starts import begun
 from evertwin.tuning.interrupt import Interrupt
 from evertwin.tuning.least_trimmed import trimmed
 from evertwin.tuning.tangent import leaning, searched, told
-from evertwin.types import Json, ParameterVector
+from evertwin.types import ParameterVector
 
 Watch: TypeAlias = Callable[[int, float], bool]
 """Called with (evaluations so far, cost) while a search runs; False ends it, best so far kept."""
@@ -63,143 +62,6 @@ class Judged(NamedTuple):
 
     predictions: list[Prediction]
     begun: list[dict[str, float]]
-
-
-@dataclass(frozen=True)
-class FitResult:
-    """The outcome of `Twin.fit`.
-
-    >>> FitResult.__name__
-    'FitResult'
-    """
-
-    name: str
-    fit: Fit
-    train: tuple[Deviation, ...]
-    test: tuple[Deviation, ...]
-    """Over all tests together; empty without tests."""
-    tests: tuple[tuple[str, tuple[Deviation, ...]], ...]
-    """Each test alone."""
-    laws: Mapping[str, str]
-    """Output → friction law that was chosen."""
-    causes: Mapping[str, str]
-    """Output → what the terms of its law mean, where it has some."""
-    filter: Mapping[str, Json] | None
-    parameters: Parameters
-    form: Form = Form()
-    """Terms that the model has, those included that this fit has found."""
-    unknown: str = ""
-    """Why no form that was tried is the machine's; empty where one may be, or none was tried."""
-    search: Mapping[str, Any] = field(default_factory=dict)
-    """The search for terms, if there was one: held-out errors before and after."""
-    starts: tuple[tuple[Mapping[str, float], ...], ...] = ()
-    """Per test and task of it: the parameters that belong to a recording, fitted to it."""
-    left_out: tuple[Tally, ...] = ()
-    """What was wrong with the recordings, and the rows left out for it, by source."""
-    spoiled: Mapping[str, int] = field(default_factory=dict)
-    """Output → rows to learn from that cannot be a measurement, and were left out."""
-
-    def to_dict(self) -> dict[str, Json]:
-        """Plain content, ``schema: "evertwin.fit/1"``."""
-        whole: Any = self.fit.to_dict()
-        tested = {d.name: d for d in self.test}
-        outputs = {}
-        for d in self.train:
-            there = tested.get(d.name)
-            outputs[d.name] = {
-                "unit": d.unit, "rms_train": d.rms, "relative_rms_train": d.relative_rms,
-                "relative_rms_train_moving": d.relative_rms_moving,
-                "rms_test": there and there.rms,
-                "relative_rms_test": there and there.relative_rms,
-                "relative_rms_test_moving": there and there.relative_rms_moving,
-                "moving": there.moving if there else d.moving,
-            }  # fmt: skip
-        return plain(  # type: ignore[return-value]
-            {
-                "schema": "evertwin.fit/1",
-                "name": self.name,
-                "parameters": whole["parameters"],
-                "outputs": outputs,
-                "tests": [
-                    {
-                        "file": file,
-                        "outputs": {d.name: d.to_dict() for d in found},
-                        "fitted_to_the_test": list(starts),
-                    }
-                    for (file, found), starts in zip(self.tests, self._starts, strict=True)
-                ],
-                "filter": self.filter,
-                "form": {
-                    "terms": self.form.terms,
-                    "search": self.search,
-                    "unknown": self.unknown,
-                },
-                "friction_law": self.laws,
-                "friction_causes": self.causes,
-                "left_out": [tally.to_dict() for tally in self.left_out],
-                "rows_left_out": self.spoiled,
-                "converged": self.fit.converged,
-                "message": self.fit.message,
-                "method": self.fit.method,
-                "iterations": self.fit.iterations,
-                "evaluations": self.fit.evaluations,
-                "seconds": self.fit.seconds,
-            }
-        )
-
-    @property
-    def _starts(self) -> tuple[tuple[Mapping[str, float], ...], ...]:
-        """Per test; what nothing was fitted to has none."""
-        filled = tuple(tuple(s for s in starts if s) for starts in self.starts)
-        return filled or ((),) * len(self.tests)
-
-    def __str__(self) -> str:
-        """Parameters, then deviations per recording."""
-        lines = [str(self.fit)]
-        lines += [
-            f"law of {output}: {law}"
-            + (f" ({self.causes[output]})" if output in self.causes else "")
-            for output, law in self.laws.items()
-        ]
-        lines += [f"the form is not known: {self.unknown}"] if self.unknown else []
-        lines += [f"terms: {said}" for said in self._described()]
-        shown = (("train", self.train), *self.tests)
-        for file, found in (*shown, ("all tests", self.test)) if self.test else shown:
-            lines.append(f"{file}:")
-            lines += [
-                f"  {d.name:<10} rms {d.rms:.4g} {d.unit} {100 * d.relative_rms:7.2f} %   moving "
-                f"{100 * d.relative_rms_moving:7.2f} % of {d.moving} rows"
-                for d in found
-                # a virtual sensor has no measurement to differ from
-                if not math.isnan(d.rms)
-            ]
-        if any(self._starts):
-            names = ", ".join(self._starts[0][0])
-            lines.append(f"fitted to each test, since they belong to a recording: {names}")
-        lines += map(str, self.left_out)
-        out = ", ".join(f"{count} of {name}" for name, count in self.spoiled.items())
-        lines += [f"rows left out that cannot be a measurement: {out}"] if out else []
-        return "\n".join(lines)
-
-    def _described(self) -> list[str]:
-        if not self.search:
-            return []
-        found = self.search
-        if not self.form.terms and "tuned" in found:  # the tuned numbers do as well without them
-            left = ", ".join(
-                f"{one['output']} {one['without']:.3g} -> {one['with']:.3g}"
-                for one in found["tuned"]
-            )
-            return [f"none: {'; '.join(found['describes'])} would leave hardly less (rms {left})"]
-        terms = ", ".join(f"{t.kind} on {t.channel}" for t in self.form.terms) or "none"
-        return [
-            f"{terms} (held-out deviation over {found['horizon']:g} s, relative to the residual "
-            f"of the model as configured: {found['before']:.3g} -> {found['after']:.3g})",
-            *found["describes"],
-        ]
-
-    def _repr_html_(self) -> str:
-        return f"{self.fit._repr_html_()}<pre>{html.escape(str(self))}</pre>"
 
 
 @dataclass(frozen=True)
@@ -363,8 +225,9 @@ def fit(
     tests = [(named(item), done.judged(done.rows(listed(item)))) for item in test]
     together = [prediction for _, one in tests for prediction in one.predictions]
     rule = setup.spec.filter
+    own = done.judged(done.tasks, own=False).predictions
     return FitResult(
-        setup.spec.name, found, deviations(setup, done.judged(done.tasks, own=False).predictions),
+        setup.spec.name, found, deviations(setup, own),
         deviations(setup, together) if tests else (),
         tuple((name, deviations(setup, one.predictions)) for name, one in tests),
         done.chosen.laws, done.chosen.causes,
@@ -372,7 +235,24 @@ def fit(
         model.parameters.with_values(found.p), formed.form, done.unknown, formed.search,
         tuple(tuple(one.begun) for _, one in tests),
         done.feed.left_out, _spoiled(model, done.tasks),
+        _held(setup, model, found.p, (own, together)),
     )  # fmt: skip
+
+
+def _held(
+    setup: Setup, model: Model, p: ParameterVector, seen: tuple[list[Prediction], list[Prediction]]
+) -> Held | None:
+    """Is the requirement reached on what was not learned from, or else on what was? None: there is
+    none. ``seen``: predictions of either."""
+    if not math.isfinite(setup.requirement):
+        return None
+    off = as_required(setup, model, p, seen[1] or seen[0]).tolist()
+    outputs = {
+        name: (off[k], setup.shown(k, off[k]), setup.shown(k, setup.requirement))
+        for k, name in enumerate(model.outputs.names)
+        if setup.watched[k] and math.isfinite(off[k])
+    }
+    return Held(setup.requirement, setup.relative, bool(seen[1]), outputs)
 
 
 def _spoiled(model: Model, tasks: tuple[Block, ...]) -> dict[str, int]:

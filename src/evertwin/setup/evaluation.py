@@ -152,18 +152,26 @@ def judged(
 
     ``skip``: rows of the first window that others were measured in.
     """
+    seen = [predict(setup, model, p, window) for window in windows]
+    return as_required(setup, model, p, seen, skip)
+
+
+def as_required(
+    setup: Setup, model: Model, p: ParameterVector, found: Sequence[Prediction], skip: int = 0
+) -> PerOutput:
+    """`judged` of windows that were predicted."""
     found_in, measured = [np.zeros((0, len(model.outputs)))], list[Outputs]()
-    for k, window in enumerate(windows):
-        seen = predict(setup, model, p, window)
+    for k, seen in enumerate(found):
+        window = seen.window
         counts = seen.moving & (np.arange(len(window.t)) >= (0 if k else skip))[:, None]
         off = np.where(counts, seen.residual, np.nan)
         measured.append(np.where(counts, seen.measured, np.nan))
         if setup.at_horizon.wanted:
             off = _newest(off, restarts(window, setup.horizon, model.initial(p)))
         found_in.append(off)
-    found = np.concatenate(found_in)
-    rows = np.count_nonzero(~np.isnan(found), axis=0)
-    rms = np.sqrt(np.nansum(np.square(found), axis=0) / np.where(rows, rows, np.nan))
+    off = np.concatenate(found_in)
+    rows = np.count_nonzero(~np.isnan(off), axis=0)
+    rms = np.sqrt(np.nansum(np.square(off), axis=0) / np.where(rows, rows, np.nan))
     return np.asarray(rms / setup.sizes(np.concatenate(measured)))
 
 

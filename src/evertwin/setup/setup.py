@@ -25,7 +25,7 @@ from evertwin.setup.detectors import Detect
 from evertwin.setup.residual_filter import ResidualFilter
 from evertwin.setup.scores import Watch
 from evertwin.signals.sizes import sizes
-from evertwin.signals.spoken import MANY, share, suited
+from evertwin.signals.spoken import MANY, number, share, suited
 from evertwin.sync import Track
 from evertwin.sync.horizon import nanoseconds
 from evertwin.trial import Probation, Trial
@@ -301,7 +301,7 @@ class Setup:
         if self.relative:
             return f"{100 * value:.1f} %" if value < MANY else share(value)
         unit, factor = suited(abs(value), self.model.outputs.units[output], self.recorded[output])
-        return f"{value * factor:.3g} {'' if unit == '1' else unit}".rstrip()
+        return number(value * factor, "" if unit == "1" else unit, 3)
 
     @cached_property
     def editable(self) -> tuple[str, ...]:

@@ -30,6 +30,8 @@ _SMALLER = {
 """SI unit → (from this size on, unit, factor), largest first."""
 MANY = 10.0
 """From this multiple on nobody counts in per cent."""
+MOST, BEYOND = 1e6, 1e12
+"""Multiples of a size, and sizes, of which no figure says more than a word."""
 _ALIKE = {"m", "cm", "mm", "km", "m/s", "cm/s", "mm/s", "rad", "deg", "rad/s", "deg/s", "A", "mA",
           "V", "mV", "Pa", "m^3/s", "degC"}  # fmt: skip
 """Units that say no more than the one that suits a size."""
@@ -46,20 +48,50 @@ def both(first: float, second: float, unit: str, recorded: str = "") -> tuple[st
     name, factor = suited(size, unit, recorded)
     space = "" if name.startswith("°") or name == "1" else " "
     return tuple(  # type: ignore[return-value]
-        "unknown"
-        if math.isnan(value)
-        else f"{_digits(value * factor)}{space}{'' if name == '1' else name}"
+        _wordy(value * factor) or f"{_digits(value * factor)}{space}{'' if name == '1' else name}"
         for value in (first, second)
     )
+
+
+def _wordy(value: float) -> str:
+    """What stands for a number that is none, or that nobody reads."""
+    if math.isnan(value):
+        return "unknown"
+    return "" if abs(value) < BEYOND else "beyond all measure"
+
+
+def number(value: float, unit: str = "", digits: int = 4) -> str:
+    """A size with some digits.
+
+    >>> number(0.00479821, "m"), number(1.75e36, "m"), number(math.nan)
+    ('0.004798 m', 'beyond all measure', 'unknown')
+    """
+    return _wordy(value) or f"{value:.{digits}g} {unit}".rstrip()
+
+
+def percent(value: float) -> str:
+    """A share of a size with two decimals; of far more than all of it in words.
+
+    >>> percent(0.0333), percent(12.0), percent(math.inf), percent(math.nan)
+    ('3.33 %', '12 times its size', 'more than a million times its size', 'unknown')
+    """
+    return f"{100 * value:.2f} %" if abs(value) < MANY else share(value)
 
 
 def share(value: float) -> str:
     """A share of a size in per cent; as its multiple where it is far more than all of it.
 
-    >>> share(0.0396), share(1.26), share(6100.0)
-    ('3.96 %', '126 %', '6,100 times its size')
+    >>> share(0.0396), share(1.26), share(6100.0), share(1e30)
+    ('3.96 %', '126 %', '6,100 times its size', 'more than a million times its size')
     """
-    return f"{100 * value:.3g} %" if value < MANY else f"{value:,.0f} times its size"
+    return f"{100 * value:.3g} %" if value < MANY else times(value, ",.0f")
+
+
+def times(value: float, form: str = ".3g") -> str:
+    """A multiple of a size; in words where nobody reads its figure."""
+    if not value < MOST:
+        return "unknown" if math.isnan(value) else "more than a million times its size"
+    return f"{value:{form}} times its size"
 
 
 def suited(size: float, unit: str, recorded: str = "") -> tuple[str, float]:
@@ -87,5 +119,5 @@ def as_recorded(unit: str, recorded: str) -> dict[str, str | float] | None:
 
 
 def _digits(value: float) -> str:
-    """Two digits; whole numbers from 100 on."""
-    return f"{value:.0f}" if abs(value) >= 99.5 else f"{value:.2g}"
+    """Two digits; whole numbers from 100 on, as far as anybody reads them."""
+    return f"{value:.0f}" if 99.5 <= abs(value) < MOST else f"{value:.2g}"

@@ -17,7 +17,7 @@ True
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -49,6 +49,27 @@ def is_date(cell: bytes) -> bool:
     [True, True, True, False, False]
     """
     return any(kind.match(cell) for kind in (_DATE, _CLOCK))
+
+
+_ALONE = re.compile(rb"\d{1,2}:\d\d(?::\d\d(?:[.,]\d+)?)?(?:\s*[ap]\.?m\.?)?", re.IGNORECASE)
+"""A time of day, of which a date beside it says that it is one."""
+
+
+def beside(columns: Sequence[Sequence[bytes]]) -> tuple[int, int] | None:
+    """The one column of dates without a time of day and the one of times, if there are both; some
+    cells of each column are enough, the empty ones left out.
+
+    >>> beside([[b"2025-01-13"], [b"7.5"], [b"08:15"]]), beside([[b"2025-01-13 08:00"], [b"08:15"]])
+    ((0, 2), None)
+    """
+    days = [k for k, cells in enumerate(columns) if cells and all(map(_is_day, cells))]
+    times = [k for k, cells in enumerate(columns) if cells and all(map(_ALONE.fullmatch, cells))]
+    return (days[0], times[0]) if len(days) == len(times) == 1 else None
+
+
+def _is_day(cell: bytes) -> bool:
+    found = _DATE.fullmatch(cell)
+    return found is not None and found["hour"] is None
 
 
 def is_whole(cell: bytes) -> bool:

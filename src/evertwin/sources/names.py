@@ -2,6 +2,8 @@
 
 >>> split_unit("q1 [rad]"), split_unit("Force (N)"), split_unit("q[0]"), split_unit("cycle [1]")
 (('q1', 'rad'), ('Force', 'N'), ('q[0]', ''), ('cycle', '1'))
+>>> split_unit("flow/(l/min)"), split_unit("p/bar"), split_unit("m/s")
+(('flow', 'l/min'), ('p', 'bar'), ('m/s', ''))
 >>> closest("heater", ["heater_on", "t1"])
 "did you mean 'heater_on'?"
 """
@@ -15,6 +17,7 @@ from collections.abc import Sequence
 
 from evertwin.errors import UsageError
 from evertwin.signals.units import conversion
+from evertwin.sources.slashed import slashed
 
 _BRACKETS = re.compile(r"^(.*\S)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))$")
 
@@ -22,6 +25,14 @@ _BRACKETS = re.compile(r"^(.*\S)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))$")
 def split_unit(heading: str) -> tuple[str, str]:
     """Name and unit of a heading such as ``q1 [rad]``; an empty unit where none is given: a number
     in brackets counts columns, but 1 behind a space is the unit of a pure number."""
+    text = heading.strip()
+    if "/" in text and (parted := slashed(text)) is not None:
+        return parted
+    return bracketed(text)
+
+
+def bracketed(heading: str) -> tuple[str, str]:
+    """`split_unit` of a unit in brackets."""
     text = heading.strip()
     found = _BRACKETS.match(text)
     unit = ((found[2] or found[3] or "") if found else "").strip()

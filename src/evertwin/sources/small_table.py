@@ -27,7 +27,7 @@ import numpy as np
 from evertwin.errors import DataError, UsageError, naming
 from evertwin.signals.channels import position
 from evertwin.signals.units import si_unit, to_si
-from evertwin.sources.dates import date_ns, is_date, order_of, zone_of
+from evertwin.sources.dates import beside, date_ns, is_date, order_of, zone_of
 from evertwin.sources.dialect import COMMENTS, MISSING, detect
 from evertwin.types import Vector
 
@@ -182,6 +182,7 @@ def parse(lines: Iterable[str], name: str) -> Table:
                 f"{name}:{number}: expected {len(names)} cells, got {len(row)}: one for each "
                 "heading; quote a text that holds a comma"
             )
+    _join(heads, rows)
     numbers: dict[str, Vector] = {}
     text: dict[str, tuple[str, ...]] = {}
     dates: set[str] = set()
@@ -209,6 +210,21 @@ def parse(lines: Iterable[str], name: str) -> Table:
     units = {head: si_unit(unit) for head, unit in written.items()}
     places = tuple(number for number, _ in rows[1:])
     return Table(name, numbers, text, units, frozenset(dates), frozenset(zoned), places, written)
+
+
+def _join(heads: list[tuple[str, str]], rows: list[tuple[int, list[str]]]) -> None:
+    """Puts times of day that stand in a column of their own to their dates."""
+    cells = zip(*(row for _, row in rows[1:]), strict=True)
+    kept = ([c.strip().encode() for c in of if c.strip().lower() not in ABSENT] for of in cells)
+    found = beside(list(kept))
+    if found is None:
+        return
+    day, time = found
+    for _, row in rows[1:]:
+        row[day] = f"{row[day].strip()} {row[time].strip()}".strip()
+    del heads[time]
+    for _, row in rows:
+        del row[time]
 
 
 def _rows(lines: list[str]) -> tuple[list[tuple[int, list[str]]], bool]:

@@ -1,10 +1,11 @@
 """Text tables (CSV and its relatives), read in blocks of a few megabytes.
 
 A row with too few or too many cells is left out and counted with its line; so is a row before a
-line of one cell, because a line broken in its last number looks complete. The last line without a
-line end may have been cut inside a number, ``3.1`` instead of ``3.14``, so it is kept only where
-its last cell has as many decimals as the cells above it. A word where a number should be is an
-error with file, line and column. Gzip is unpacked while reading.
+line of one cell, because a line broken in its last number looks complete. So are the headings
+again, where the rows below go on; where the time begins anew, the file is refused. The last line
+without a line end may have been cut inside a number, ``3.1`` instead of ``3.14``, so it is kept
+only where its last cell has as many decimals as the cells above it. A word where a number should be
+is an error with file, line and column. Gzip is unpacked while reading.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from typing import Any, cast
 import numpy as np
 
 from evertwin.errors import DataError, naming
+from evertwin.sources.dates import beside
 from evertwin.sources.dialect import (
     COMMENTS,
     FOUND,
@@ -33,7 +35,8 @@ from evertwin.sources.dialect import (
     detect,
     pointed,
 )
-from evertwin.sources.names import distinct, split_unit
+from evertwin.sources.names import bracketed, distinct, split_unit
+from evertwin.sources.slashed import slashed
 from evertwin.sources.stamps import texts
 from evertwin.sources.table import Column, Problem, Rows
 from evertwin.types import Float64
@@ -79,6 +82,19 @@ class TextTable:
                 break
         with naming(self.path.name, DataError, DataError):
             return detect(top[:4000], self.stated)
+
+    @cached_property
+    def times(self) -> dict[int, int]:
+        """Column of dates → the one of times of day that belongs to it."""
+        if "d" not in self.dialect.kinds:
+            return {}
+        first, lines, _ = next(self._blocks(1 << 16), (1, [], ""))
+        rows = (ln.rstrip(b"\r") for ln in lines[max(self.dialect.skip - first + 1, 0) :][:_TOP])
+        cells = [_split(ln, self.dialect) for ln in rows if not ln.startswith(COMMENTS)]
+        whole = [row for row in cells if len(row) == self.dialect.fields]
+        columns = [[c for one in of if (c := one.strip())] for of in zip(*whole, strict=True)]
+        found = beside(columns)
+        return {} if found is None else {found[0]: found[1]}
 
     @cached_property
     def columns(self) -> tuple[Column, ...]:
@@ -147,6 +163,13 @@ def columns_of(d: Dialect) -> tuple[Column, ...]:
     stated = d.headings.units or tuple(unit for _, unit in split)
     units = (*stated, *("",) * (d.fields - len(stated)))
     also = (*d.headings.also, *((),) * (d.fields - len(d.headings.also)))
+    headings = d.headings.names
+    named = [name for name, _ in split]
+    for k, name in enumerate(headings):  # two units of one name stay apart
+        if "/" in name and slashed(name) is not None:
+            told = dict.fromkeys((*also[k], name, bracketed(name)[0]))
+            also = (*also[:k], tuple(told), *also[k + 1 :])
+            split[k] = (name if named.count(split[k][0]) > 1 else split[k][0], split[k][1])
     names = distinct([name for name, _ in split])
     kinds = [_KINDS[letter] for letter in d.kinds]
     found = tuple(map(Column, names, kinds, units, also))
@@ -174,7 +197,9 @@ class _Piece:
         problems: list[Problem] = []
         kept: list[bytes] = []
         where: list[tuple[int, int]] = []
+        again: list[tuple[int, int]] = []
         d = self.table.dialect
+        heads = _heads(d)
         quoted = any(b'"' in ln for ln in self.lines)
         for i, raw in enumerate(self.lines):
             ln = raw.rstrip(b"\r")
@@ -193,18 +218,35 @@ class _Piece:
             elif last and (cut != "open" or not self._complete(raw, kept)):
                 detail = "no line end: a cell may be cut short" if cut == "open" else cut
                 problems.append(Problem("cut_off", self.first + i, detail))
+            elif any(head in ln for head in heads) and _bare(ln, d) in heads.values():
+                again.append((len(kept), self.first + i))
+                problems.append(Problem("heading", self.first + i, "the headings again"))
             else:
                 kept.append(ln)
                 where.append((self.first + i, self.order))
             self.order += 1
         if cut and cut != "open" and not any(p.kind == "cut_off" for p in problems):
             problems.append(Problem("cut_off", self.first + len(self.lines), cut))
+        for at, line in again if self.strict else ():
+            self._goes_on(kept, at, line, 0 if clock is None else clock)
         if not kept:
             return Rows.empty(len(use), tuple(problems))
-        line, order = np.array(where, dtype=np.int64).T
-        values = self._values(kept, use, line, problems)
-        stamps = order if clock is None else texts(self._column(kept, clock))
-        return Rows(line, order, stamps, values, tuple(problems))
+        lines, order = np.array(where, dtype=np.int64).T
+        values = self._values(kept, use, lines, problems)
+        stamps = order if clock is None else texts(self._stamps(kept, clock))
+        return Rows(lines, order, stamps, values, tuple(problems))
+
+    def _goes_on(self, kept: list[bytes], at: int, line: int, j: int) -> None:
+        """Refuses headings below which the time begins anew."""
+        cells = self._column(kept[max(at - 3, 0) : at + 1], j)
+        told = [number for cell in cells if (number := number_of(cell)) is not None]
+        if len(told) < 4 or at < 3:
+            return
+        if np.all(np.diff(told[:3]) > 0.0) and told[3] < told[2]:
+            raise DataError(
+                f"{self.table.path.name}:{line}: the headings again: a file begins anew here, give "
+                "each a file of its own"
+            )
 
     def _misfit(self, line: int, count: int, binary: bool) -> Problem:
         if binary:
@@ -225,6 +267,13 @@ class _Piece:
         if b"." in last and b"e" not in last.lower():
             return len(last.partition(b".")[2]) >= max(len(o.partition(b".")[2]) for o in others)
         return len(last) >= max(map(len, others)) or (d.kinds[-1] in "bt" and last in others)
+
+    def _stamps(self, kept: list[bytes], j: int) -> list[bytes]:
+        """Cells of time; of a date with the time of day that stands in a column of its own."""
+        cells, time = self._column(kept, j), self.table.times.get(j)
+        if time is None:
+            return cells
+        return [b"%b %b" % pair for pair in zip(cells, self._column(kept, time), strict=True)]
 
     def _column(self, kept: list[bytes], j: int) -> list[bytes]:
         delimiter = self.table.dialect.delimiter
@@ -277,8 +326,6 @@ class _Piece:
     def _advice(self, cell: bytes, row: bytes, j: int) -> str:
         """What to do about a cell that is no number."""
         columns, d = self.table.columns, self.table.dialect
-        if cell == columns[j].name.encode():
-            return "the headings again: a file begins anew here, give each a file of its own"
         quoted = cell.replace(b" ", b",")  # what a quote held is a blank by now
         if number_of(pointed(quoted)) is None:
             return "correct the line, or map another column"
@@ -299,6 +346,16 @@ class _Piece:
 
 def _split(line: bytes, dialect: Dialect) -> list[bytes]:
     return cells_of(line, dialect.delimiter)
+
+
+def _bare(line: bytes, d: Dialect) -> tuple[bytes, ...]:
+    return tuple(cell.strip().strip(b'"') for cell in _split(line, d))
+
+
+def _heads(d: Dialect) -> dict[bytes, tuple[bytes, ...]]:
+    """The lines of names and of units, by the first word of each."""
+    lines = (tuple(name.encode(d.encoding) for name in one) for one in d.headings[:2])
+    return {next(filter(None, line)): line for line in lines if any(line)}
 
 
 def _unquoted(line: bytes, d: Dialect) -> bytes:

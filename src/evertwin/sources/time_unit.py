@@ -170,7 +170,7 @@ def time_column(table: Table) -> Column | None:
         key=lambda pair: pair[0],
     )
     if dated and not (usual and dated[0][0]):
-        return dated[0][1]
+        return _of_one_day(table, dated[0][1])
     if usual:
         return usual[0]
     numeric = [c.name for c in columns if c.kind == "number"]
@@ -182,6 +182,20 @@ def time_column(table: Table) -> Column | None:
     steps = np.diff(rows.values[:, 0])  # an angle, too, grows for a while
     grows = bool((steps[:100] >= 0).all() and (steps > 0).mean() > 0.5)
     return columns[0] if grows and bool((steps < 0).mean() < 0.01) else None
+
+
+def _of_one_day(table: Table, column: Column) -> Column:
+    """A column of dates, or of the times of day beside it: of one day they tell rows apart."""
+    columns = table.columns
+    time = getattr(table, "times", {}).get(columns.index(column))
+    if time is None:
+        return column
+    whole, times = (
+        next(iter(table.rows([], one.name, strict=False))).time.tolist()
+        for one in (column, columns[time])
+    )
+    days = {bytes(a).removesuffix(bytes(b)) for a, b in zip(whole, times, strict=True)}
+    return columns[time] if len(days) == 1 and all(map(is_date, times[:20])) else column
 
 
 def _usual(column: Column) -> bool:

@@ -26,6 +26,7 @@ from evertwin.sources.description import ColumnInfo
 from evertwin.sources.names import unit_problem
 from evertwin.starter.arm import of_arm
 from evertwin.starter.base import of_odometry, of_pose, of_wheels
+from evertwin.starter.cause import stepped, told
 from evertwin.starter.compass import as_compass
 from evertwin.starter.named import matched, sole, unit_of
 from evertwin.starter.proposal import ASK, Derivation, Match, Proposal
@@ -188,9 +189,9 @@ def _heater(missing: Sequence[str], seen: Sequence[Seen]) -> tuple[Match, ...]:
 
 
 def _first_two(seen: Sequence[Seen]) -> tuple[Match, ...]:
-    """The first column that varies drives, the next one answers.
+    """What drives and what answers: by their headings' words, or what moves in steps drives; else
+    the first column that varies drives, the next one answers.
 
-    A column whose first word is that of inputs (u, in) or outputs (y, out) goes before others.
     Of more than two columns those that nothing says so of are asked.
     """
     source = max(range(len(seen)), key=lambda s: seen[s].table.rows * len(seen[s].columns))
@@ -198,29 +199,27 @@ def _first_two(seen: Sequence[Seen]) -> tuple[Match, ...]:
     if len(columns) < 2:
         raise DataError("expected two columns of numbers beside the time: an input and an output")
     columns.sort(key=lambda c: c.low == c.high)  # what is constant can drive nothing
-    drives = min(columns, key=lambda c: (_called(c, _OUT), not _called(c, _IN)))
-    answers = min((c for c in columns if c is not drives), key=lambda c: not _called(c, _OUT))
-    moving = [c.name for c in columns if c.low != c.high]
-    place = any(words(name)[:1] == ["x"] for name in moving)  # beside an x, y is one, too
+    moving = [c for c in columns if c.low != c.high]
+    rank = {c.name: told(c.name) if c in moving else 0 for c in columns}
+    in_steps = {c.name for c in moving if stepped(seen[source].values(c.name))}
+    drives = max(columns, key=lambda c: (c in moving, rank[c.name], c.name in in_steps))
+    rest = [c for c in columns if c is not drives]
+    answers = min(rest, key=lambda c: (c not in moving, rank[c.name], c.name in in_steps))
+    place = any(words(c.name)[:1] == ["x"] for c in moving)  # beside an x, y is one, too
     out = []
-    for name, column, says in (
-        ("u", drives, _called(drives, _IN)),
-        ("y", answers, _called(answers, _OUT) and not place),
-    ):
+    for name, column, sign in (("u", drives, 1), ("y", answers, -1)):
+        mine = sign * rank[column.name]
+        alike = [c for c in moving if sign * rank[c.name] >= mine]
+        says = mine > 0 and alike == [column] and not (sign < 0 and place)
         if says or len(moving) <= 2:
-            why = "assumed: by its name or place"
+            why = "assumed: by its words" if mine > 0 else "assumed: by its place"
+            if mine <= 0 and len(in_steps) == 1 and rank[drives.name] == rank[answers.name]:
+                why = f"assumed: {min(in_steps)} moves in steps, as what is set does"
             out.append(Match(name, source, column.name, _stated(column), why))
         else:
             which = f"which one {'drives' if name == 'u' else 'answers'}? and its unit"
             out.append(Match(name, source, ASK, "1", which))
     return tuple(out)
-
-
-_IN, _OUT = {"u", "in", "input"}, {"y", "out", "output"}
-
-
-def _called(column: ColumnInfo, firsts: set[str]) -> bool:
-    return column.low != column.high and not firsts.isdisjoint(words(column.name)[:1])
 
 
 def _stated(column: ColumnInfo) -> str:

@@ -20,7 +20,16 @@ from evertwin.sources.names import unit_problem
 from evertwin.starter.compass import COMPASS, EAST, NORTH
 from evertwin.starter.proposal import ASK, Answer, Match
 from evertwin.starter.seen import Seen
-from evertwin.starter.words import AMBIENT, HEATER, WHEEL, role, said_unit, same_kind, words
+from evertwin.starter.words import (
+    AMBIENT,
+    HEATER,
+    WHEEL,
+    quantity,
+    role,
+    said_unit,
+    same_kind,
+    words,
+)
 
 _SYNONYMS = (
     {"v", "speed", "velocity", "vel", "linear", "lin", "forward"},
@@ -38,7 +47,7 @@ _SYNONYMS = (
     {"on", "state", "switch"},
     HEATER,
     AMBIENT,
-    {"force", "f", "vir", "voltage", "u", "current", "cur", "torque"},
+    {"force", "f", "vir", "voltage", "u", "current", "cur", "i", "torque"},
 )
 _DRIVING = {"vir", "voltage", "volt", "u", "current", "cur", "i", "torque"}
 """What drives a force, times a constant."""
@@ -208,6 +217,8 @@ def _alike(channel: Channel, theirs: list[str], column: ColumnInfo, told: bool) 
     alike = difflib.SequenceMatcher(None, " ".join(mine), " ".join(theirs)).ratio()
     share = hits / max(len(letters[0]), 1)
     stated = 0.1 if unit else 0.0
+    # a current is a force times a constant; a voltage drives a speed as well
+    alike -= 0.3 if channel.unit in _EFFORTS and quantity(theirs, unit) == "voltage" else 0.0
     says = 0.15 if what == ("command" if told else "measured") and hits else 0.0
     return min(0.84, 0.6 * share + 0.3 * alike + stated + says)
 

@@ -165,7 +165,7 @@ def assemble(problem: Problem, outcome: Outcome, acting: Sensitivity, began: flo
     if any(held) or len(spectrum.squares) < len(sizes) or problem.information.any():
         spectrum = Spectrum.of(acting.information(sigma) + np.diag(problem.information))
     correlation = Correlation.of(left.r)
-    covariance, quantile = _covariance(
+    covariance, quantile, edge = _covariance(
         problem, outcome.values, acting, correlation, (sigma, spectrum)
     )
     half = quantile * np.sqrt(covariance.diagonal())
@@ -207,7 +207,7 @@ def assemble(problem: Problem, outcome: Outcome, acting: Sensitivity, began: flo
         evaluations=outcome.evaluations,
         method=outcome.method,
         converged=outcome.converged,
-        message=outcome.message + said + (f"; {astray}" if astray else ""),
+        message=outcome.message + said + edge + (f"; {astray}" if astray else ""),
         seconds=time.perf_counter() - began,
     )
 
@@ -305,8 +305,9 @@ def _cure(problem: Problem, names: list[str]) -> str:
 def _covariance(
     problem: Problem, values: Vector, acting: Sensitivity, correlation: Correlation,
     told: tuple[PerOutput, Spectrum],
-) -> tuple[Float64[np.ndarray, "k k"], Vector]:  # fmt: skip
-    """Covariance and Student's quantile per parameter, with the residual's own autocorrelation.
+) -> tuple[Float64[np.ndarray, "k k"], Vector, str]:  # fmt: skip
+    """Covariance and Student's quantile per parameter, with the residual's own autocorrelation,
+    and where beside the values the simulation diverges.
 
     Args:
         told: noise of each output, and the information with the prior's.
@@ -326,14 +327,16 @@ def _covariance(
             rows[o] = effective(rows[o], rho)
     if problem.scale is not None:
         rows[:] = np.inf
+    edge = ""
     covariance, degrees = combined(parts, inverse, problem.information, rows, acting.paid)
     if len(problem.model.states):
         covariance += _by_starts(problem, values, acting, sigma, inverse)
-        covariance += np.diag(np.square(bends(problem, values, acting, sigma)))
+        bent, edge = bends(problem, values, acting, sigma)
+        covariance += np.diag(np.square(bent))
         whole = acting.information(sigma) + np.diag(problem.information)
         wider = widened_by(problem, values, whole, sigma)
         covariance = covariance if wider is None else wider @ covariance @ wider.T
-    return covariance, student(degrees)
+    return covariance, student(degrees), edge
 
 
 def _by_starts(

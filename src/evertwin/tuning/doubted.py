@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from evertwin.models import Model
-from evertwin.tuning.identifiability import WEAK
+from evertwin.signals.spoken import times
+from evertwin.tuning.identifiability import WEAK, within
 from evertwin.tuning.problem import Problem
 from evertwin.types import Vector
 
@@ -20,7 +21,7 @@ def strays(model: Model, relative: Sequence[float]) -> str:
     if off <= FAR or not len(model.states):
         return ""
     return (
-        f"the model goes astray: {name} is off by {off:.3g} times its size, so shorter predictions "
+        f"the model goes astray: {name} is off by {times(off)}, so shorter predictions "
         "are needed, or a measurement of what runs away"
     )
 
@@ -42,7 +43,7 @@ def doubted(
             why[k] = f"not told from zero: {value - half[k]:.3g} to {value + half[k]:.3g}"
         elif len(problem.model.states) and half[k] > WEAK * abs(value):
             words[k] = "weak"  # a start that was far too large is no measure of it
-            why[k] = f"its 95 % interval is ± {100 * half[k] / abs(value):.0f} % of its value"
+            why[k] = f"its 95 % interval is {within(half[k] / abs(value), 'value')}"
         elif value < 0 and problem.parameters.items[place].resists:
             words[k] = "weak"
             why[k] = "negative, so it would drive: the rows or the form mislead it"

@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 
 from evertwin.fold import plain
+from evertwin.signals.spoken import percent
 from evertwin.tuning.statistics import Dependence
 from evertwin.types import Float64, Json, ParameterVector, Vector
 
@@ -188,7 +189,7 @@ class Fit:
         for name, before, after in zip(
             self.outputs, self.deviation_before, self.deviation_after, strict=True
         ):
-            lines.append(f"  {name:<12} {100 * before:9.2f} % -> {100 * after:.2f} %")
+            lines.append(f"  {name:<12} {percent(before):>11} -> {percent(after)}")
         return "\n".join(lines)
 
     def _repr_html_(self) -> str:
@@ -200,7 +201,7 @@ class Fit:
         )
         shared = "".join(f"<p>{html.escape(told)}</p>" for told in self._told()[1])
         rows = "".join(
-            f"<tr><td>{html.escape(name)}<td>{100 * before:.2f} %<td>{100 * after:.2f} %</tr>"
+            f"<tr><td>{html.escape(name)}<td>{percent(before)}<td>{percent(after)}</tr>"
             for name, before, after in zip(
                 self.outputs, self.deviation_before, self.deviation_after, strict=True
             )

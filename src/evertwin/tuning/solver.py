@@ -138,7 +138,10 @@ def _search(problem: Problem, settings: Settings, began: float) -> Fit:
         return _diverged(problem, outcome, began)
     left = squares(problem, problem.residuals(outcome.values))
     noise = noise_of(problem, left, acting.paid)
-    outcome = outcome._replace(values=without_noise(problem, outcome.values, free, noise))
+    freed = without_noise(problem, outcome.values, free, noise)
+    there = squares(problem, problem.residuals(freed))
+    if np.isfinite(there.left).all():  # else the step led to where the simulation runs away
+        outcome = outcome._replace(values=freed)
     end = problem.sensitivity(outcome.values)
     return assemble(problem, outcome._replace(held=held), end, began)
 
@@ -153,7 +156,7 @@ def _check_knobs(problem: Problem, acting: Sensitivity) -> None:
         model = problem.model
         own = (model.model if isinstance(model, Corrected) else model).parameters.names
         silent = tuple(problem.names[j] for j in np.flatnonzero(~told).tolist())
-        connected(model, tuple(name for name in silent if name in own), problem.rows.u)
+        connected(model, tuple(n for n in silent if n in own), problem.rows.u, problem.rows.dt)
 
 
 def _diverged(problem: Problem, outcome: Outcome, began: float) -> Fit:

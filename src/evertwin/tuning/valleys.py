@@ -15,11 +15,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from evertwin.signals.spoken import MOST, number
 from evertwin.tuning.closed import dense
 from evertwin.tuning.identifiability import NULL
 from evertwin.tuning.problem import Problem
 from evertwin.tuning.sensitivity import Sensitivity, Spectrum
-from evertwin.types import PerOutput, Vector
+from evertwin.types import Outputs, PerOutput, Vector
 
 REACH = 0.3
 """How far a valley is walked, in natural sizes of the number that changes most."""
@@ -27,15 +28,18 @@ NOTHING = 4.0
 """Change of the weighted sum of squares that no row would notice."""
 
 
-def bends(problem: Problem, values: Vector, acting: Sensitivity, sigma: PerOutput) -> Vector:
-    """Standard deviation that the bends of the valleys add to each parameter, (k,).
+def bends(
+    problem: Problem, values: Vector, acting: Sensitivity, sigma: PerOutput
+) -> tuple[Vector, str]:
+    """Standard deviation that the bends of the valleys add to each parameter, (k,), and where
+    beside the values the simulation diverges: no valley leads there.
 
     Args:
         values: where the search ended, (k,).
         acting: sensitivity there.
         sigma: noise of each output, (ny,).
     """
-    information, found = acting.information(sigma), np.zeros(len(values))
+    information, found, edge = acting.information(sigma), np.zeros(len(values)), ""
     length, squares, vectors = Spectrum.of(information)
     # what starts at zero has no size of its own
     sizes = np.where(problem.start != 0.0, problem.sizes, np.inf)
@@ -50,11 +54,36 @@ def bends(problem: Problem, values: Vector, acting: Sensitivity, sigma: PerOutpu
             continue
         ends = [np.clip(values + sign * step, *problem.bounds) for sign in (-1.0, 1.0)]
         for end, r in zip(ends, problem.residuals_of(ends), strict=True):
+            if lost := _diverged(problem, r):
+                edge = edge or lost.format(_named(problem, end, np.abs(end - values) / sizes))
+                continue
             left = np.where(acting.used & np.isfinite(r), r, 0.0) / sigma / sigma
             change = end - values + inverse @ np.einsum("iok,io->k", columns, left)
             # a bend grows with the square of the way, and a valley may go on for a size
             found = np.maximum(found, np.abs(change) / (2.0 * REACH**2))
-    return found
+    return found, edge
+
+
+def _diverged(problem: Problem, r: Outputs) -> str:
+    """Where a simulation runs away, if it does; {} stands for with which value."""
+    used = problem.rows.used
+    size = np.max(np.abs(np.where(used, problem.rows.y, 0.0)), axis=0, initial=0.0)
+    lost = used & ~(np.abs(r) < MOST * np.where(size > 0.0, size, 1.0))
+    if not lost.any():
+        return ""
+    row, output = (int(i) for i in np.argwhere(lost)[0])
+    name = problem.model.outputs.names[output]
+    return (
+        f"; with {{}} the simulation runs away ({name}, row {row}): take shorter steps inside the "
+        "model, or a bound"
+    )
+
+
+def _named(problem: Problem, values: Vector, moved: Vector) -> str:
+    """The value that moved most of its size."""
+    j = int(np.argmax(moved))
+    unit = problem.parameters.items[problem.places[j]].unit
+    return f"{problem.names[j]} = {number(values[j], '' if unit == '1' else unit, 3)}"
 
 
 def valley(names: Sequence[str], verdicts: Sequence[str], moved: np.ndarray) -> str:
