@@ -35,7 +35,7 @@ import numpy as np
 from evertwin.errors import UsageError
 from evertwin.prognosis.laws.alone import newest, pace_of, widened
 from evertwin.prognosis.laws.crowded import by_time
-from evertwin.prognosis.laws.fleet import Fleet, Member, Way, way_of
+from evertwin.prognosis.laws.fleet import Fleet, Member
 from evertwin.prognosis.laws.hypotheses import LAWS, every_look, sharpened
 from evertwin.prognosis.laws.indicator import Indicator
 from evertwin.prognosis.laws.lasting import comes_and_goes, flat_since
@@ -43,6 +43,8 @@ from evertwin.prognosis.laws.life import LEVELS, Life, NotEnough, Onset, Workloa
 from evertwin.prognosis.laws.mixture import COARSE, fine_nodes, mixture, never
 from evertwin.prognosis.laws.onset import SHARE, find_onset
 from evertwin.prognosis.laws.scaled import Problem, noise_of, scaled, steady
+from evertwin.prognosis.laws.swing import without_swing
+from evertwin.prognosis.laws.way import Way, way_of
 
 FAR = 20.0
 """A median beyond so many ages is no answer: growth is not told from none."""
@@ -106,10 +108,11 @@ def alone(
 
     Growth that has ended, or comes and goes, tells neither a life nor an onset.
     """
-    problem = scaled(indicator)
+    calm = without_swing(indicator)
+    problem = scaled(calm)
     if isinstance(problem, str):
         return NotEnough(problem), onset
-    found = by_laws(indicator, problem, laws)
+    found = by_laws(calm, problem, laws)
     if isinstance(found, Life) and found.passed is not None:
         return found, onset
     if onset is None:
@@ -123,8 +126,8 @@ def alone(
             f"probability {level:.2f}",
             "growth is not established beyond that level",
         ), None
-    lately = newest(indicator)
-    recent, whole = scaled(lately), scaled(indicator, most=0)
+    lately = newest(calm)
+    recent, whole = scaled(lately), scaled(calm, most=0)
     newer = found if isinstance(recent, str) else by_laws(lately, recent, laws)
     newer = found if isinstance(newer, NotEnough) or newer.passed is not None else newer
     if isinstance(newer, NotEnough):
