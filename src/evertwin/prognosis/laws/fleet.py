@@ -64,6 +64,8 @@ DOUBT = 0.5
 """Share of a shift by which it may be wrong."""
 APART = 0.05
 """Least standard deviation of the logarithm of paces, and of lives."""
+SLOWER = 2.0
+"""Factor of time up to which a level is known later on a slower course."""
 FARTHEST = 2.0
 """A counts up to so far from R."""
 
@@ -313,8 +315,10 @@ def _ask(ways: Sequence[Way], one: Way) -> Asked:
         k = way.row(level, float(one.reached[-1]), about)
         known = bool(np.isfinite(way.end))
         whole = way.end if known else way.now
-        # Its age at that level, had it been known as late as that of the one asked for.
-        then = float(way.reached[k]) + age - float(one.reached[-1])
+        # Its age when the level would have been known, if as late on its own course.
+        reached = float(way.reached[k])
+        slower = np.clip(reached / max(float(one.reached[-1]), 1e-300), 1.0 / SLOWER, SLOWER)
+        then = reached + float(slower) * (age - float(one.reached[-1]))
         rest = whole - then
         if float(way.level[0]) <= level + about and (known or way.level[-1] >= level - about):
             least = LEAST * whole

@@ -57,11 +57,30 @@ def predict_life(
 ) -> Life | NotEnough:
     """The remaining life as a distribution, or what the data lack for one.
 
+    Newest values beyond the limit that are too few to end a life do not lengthen it.
+
     Args:
         indicator: the history; only its current life counts.
         laws: laws that may hold, some of `LAWS`.
         fleet: what like machines tell.
     """
+    found, few = _predicted(indicator, laws, fleet), held_back(indicator)
+    if not few or (isinstance(found, Life) and found.passed is not None):
+        return found
+    kept = np.flatnonzero(np.isfinite(indicator.value))[:-few]
+    rest = indicator.rows(kept).seen_at(float(indicator.at[-1]))
+    without = _predicted(rest, laws, fleet)
+    if isinstance(without, NotEnough) or without.passed is not None:
+        return found
+    if isinstance(found, NotEnough):
+        return without
+    return replace(found, remaining=np.minimum(found.remaining, without.remaining))
+
+
+def _predicted(
+    indicator: Indicator, laws: Sequence[str], fleet: Fleet | None
+) -> Life | NotEnough:  # fmt: skip
+    """The same, whatever the newest values are."""
     if (failed := indicator.failed) is not None:
         now = float(indicator.at[-1]) if len(indicator.at) else failed
         none = quantiles(np.zeros(1), np.ones(1))
@@ -182,6 +201,17 @@ def beyond_for_good(indicator: Indicator) -> bool:
         return False
     apart = life.distance()[np.isfinite(life.value)]
     return len(apart) >= LASTING and bool(np.all(apart[-LASTING:] <= 0.0))
+
+
+def held_back(indicator: Indicator) -> int:
+    """How many of the newest values lie beyond the limit, where they are too few to end a life."""
+    life = indicator.since_replaced()
+    if life.covariates:
+        return 0
+    apart = life.distance()[np.isfinite(life.value)]
+    within = np.flatnonzero(apart > 0.0)
+    few = len(apart) - 1 - int(within[-1]) if len(within) else 0
+    return few if few < LASTING else 0
 
 
 def over(indicator: Indicator, problem: Problem) -> Life:
