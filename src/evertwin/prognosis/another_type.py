@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from evertwin.prognosis.laws import Fleet, Indicator
-from evertwin.prognosis.laws.fleet import Way, way_of
+from evertwin.prognosis.laws.way import Way, way_of
 
 FEW = 5
 """Values that tell where a life begins."""

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from evertwin.prognosis.laws import Fleet, Indicator, Life, Workload, predict_life
-from evertwin.prognosis.laws.fleet import way_of
 from evertwin.prognosis.laws.scaled import steady
+from evertwin.prognosis.laws.way import way_of
 from evertwin.types import Float64, Vector
 
 LEVELS = 8

@@ -18,6 +18,7 @@ from evertwin.prognosis.formula import Formula
 from evertwin.prognosis.laws import Fleet, Indicator, Life, NotEnough, Workload
 from evertwin.prognosis.laws.alarms import Alarm
 from evertwin.prognosis.laws.calendar import UNITS, Calendar
+from evertwin.prognosis.laws.predict import LASTING, held_back
 from evertwin.types import Json
 
 OTHER = 1.3
@@ -98,6 +99,18 @@ class ComponentLife:
         return (
             f"{self.component} takes {pace:.2g} times as long as its like machines did for the "
             "same wear: their times are scaled to that, and the interval is wider"
+        )
+
+    @property
+    def held_back(self) -> str:
+        """That newest values beyond the limit do not end its life yet; empty where none are."""
+        few = held_back(self.indicator)
+        if not few or (isinstance(self.life, Life) and self.life.passed is not None):
+            return ""
+        values = "value lies" if few == 1 else f"{few} values lie"
+        return (
+            f"its newest {values} beyond the limit: {LASTING - few} more in a row would end its "
+            "life, one on this side shows a wrong reading"
         )
 
     @property
@@ -203,7 +216,7 @@ class Lives:
             entry = entry_of(one.indicator, one.life, self.dates)
             parts[name] = entry | {
                 "rate": one.rate, "age": one.age, "wear": one.wears.text, "phases": one.phases,
-                "sentence": one.sentence,
+                "sentence": one.sentence, "held_back": one.held_back,
                 "fleet": [x._asdict() for x in one.fleet.members] if one.fleet else [],
             }  # fmt: skip
         content: dict[str, Any] = {
@@ -223,10 +236,11 @@ class Lives:
             known = one.indicator.value
             known = known[np.isfinite(known)]
             value = one.indicator.shown(known[-1]) if len(known) else "no value"
+            limit = one.indicator.limit
+            held = f"; {one.held_back}" if one.held_back else ""
             lines.append(
                 f"{name}: {one.indicator.name} {value}, limit "
-                f"{one.indicator.shown(one.indicator.limit.value)} ({one.indicator.limit.source})\n"
-                f"  {one.sentence}"
+                f"{one.indicator.shown(limit.value)} ({limit.source}){held}\n  {one.sentence}"
             )
             lines += [f"  {one.ahead}"] if one.ahead else []
         if self.machine is not None:

@@ -32,6 +32,27 @@ def test_lives_that_are_alike_count_more_than_levels_that_scatter() -> None:
     assert np.mean(np.abs(off)) < 0.15
 
 
+@pytest.mark.parametrize("rows", [20, 30, 50])
+def test_a_fleet_of_few_rows_a_life_comes_late_to_no_level(rows: int) -> None:
+    found = []
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+
+        def straight(life: float, rng: np.random.Generator = rng) -> Indicator:
+            at = np.arange(0.0, 1200.0, 1000.0 / rows)
+            value = at / life + 0.005 * rng.standard_normal(len(at))
+            return Indicator.of("wear", "mm", Limit(1.0), at, value)
+
+        fleet = learn([straight(1000.0 * (1.0 + 0.02 * rng.standard_normal())) for _ in range(6)])
+        for share in (0.3, 0.5, 0.7):
+            part = straight(1000.0).until(1000.0 * share)
+            left = 1000.0 - float(part.at[-1])
+            life = told(part, fleet)
+            found.append((life.median / left, life.interval80[0] <= left <= life.interval80[1]))
+    assert np.median([ratio for ratio, _ in found]) == pytest.approx(1.0, abs=0.05)
+    assert sum(inside for _, inside in found) >= 9
+
+
 def test_like_machines_that_began_worn_tell_no_pace() -> None:
     fleet = learn([late(200.0, 0.2, k) for k in range(8)])
     fresh = told(late(200.0, 0.0, 100).until(60.0), fleet)

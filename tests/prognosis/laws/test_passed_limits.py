@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from evertwin.config.prognosis import IndicatorSpec
+from evertwin.prognosis.formula import Formula
 from evertwin.prognosis.laws import Indicator, Life, Limit, Workload, predict_life
-from evertwin.prognosis.lives import entry_of
+from evertwin.prognosis.lives import ComponentLife, Lives, entry_of
 
 
 def wear(value: np.ndarray) -> Indicator:
@@ -35,6 +39,24 @@ def test_one_value_beyond_the_limit_is_no_passage() -> None:
     y[30] = 1.3
     life = predict_life(wear(y))
     assert isinstance(life, Life) and life.passed is None and life.median > 20.0
+
+
+@pytest.mark.parametrize("few", [1, 2])
+def test_newest_values_beyond_the_limit_lengthen_no_life_and_are_said(few: int) -> None:
+    for seed in range(6):
+        y = 0.01 * np.arange(60.0 + few) + 0.01 * np.random.default_rng(seed).standard_normal(
+            60 + few
+        )
+        y[-few:] = 1.5
+        own, before = wear(y), wear(y[:-few]).seen_at(59.0 + few)
+        life, without = predict_life(own), predict_life(before)
+        assert isinstance(life, Life) and isinstance(without, Life)
+        assert life.passed is None and np.all(life.remaining <= without.remaining)
+        rule = IndicatorSpec("wear", parameter="wear", limit=1.0)
+        one = ComponentLife("wear", rule, own, life, life, Formula.parse("1"))
+        first = str(Lives("m", "run", {"wear": one}, None)).splitlines()[0]
+        assert "beyond the limit" in first and f"{3 - few} more in a row" in first
+        assert not replace(one, indicator=before).held_back
 
 
 def test_twice_the_work_ahead_halves_the_life_without_usage() -> None:

@@ -8,7 +8,7 @@ age nearest to its own among those rows. From there
 * *pace*: how much later this one came to that level; unknown of one that began beyond it.
 
 Let R and x be the logarithms of their medians over the fleet, T that of the distance to the limit
-over the slope of the newest `TANGENT` of the life, and A that of what lives of the fleet (taken as
+over the newest slope (`Way.tangent`), and A that of what lives of the fleet (taken as
 log-normal) last beyond this age, whatever the level. The logarithm of the remaining life is
 
     R + k·(x − δ) + δ + c·(T − R − δ) + a·(A − R − δ) + b
@@ -40,10 +40,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 import scipy
 
-from evertwin.prognosis.laws.indicator import Indicator
 from evertwin.prognosis.laws.life import LEVELS
-from evertwin.prognosis.laws.onset import SHORT, medians, without_covariates
-from evertwin.prognosis.laws.scaled import scaled
+from evertwin.prognosis.laws.way import Way
 from evertwin.prognosis.laws.weighted import quantile_of, quantiles_of, shared
 from evertwin.types import Bools, Float64, Vector
 
@@ -53,7 +51,6 @@ LEAST = 0.01
 """Least share of a life that is told apart from none."""
 MOMENTS = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.97)
 """Shares of a life at which each machine is asked for by the others."""
-TANGENT = 0.25
 BEFORE = np.array([0.4, 0.2, 0.2])
 """k, c and a before anything was seen."""
 FIRM = np.array([5.0, 50.0, 5.0])
@@ -67,65 +64,10 @@ DOUBT = 0.5
 """Share of a shift by which it may be wrong."""
 APART = 0.05
 """Least standard deviation of the logarithm of paces, and of lives."""
+SLOWER = 2.0
+"""Factor of time up to which a level is known later on a slower course."""
 FARTHEST = 2.0
 """A counts up to so far from R."""
-
-
-class Way(NamedTuple):
-    """How the level of a machine rose, until its end or until now.
-
-    >>> Way(np.array([0.0, 4.0, 5.0]), np.array([-1.0, -0.5, -0.25]), 7.0).tangent
-    1.0
-    """
-
-    age: Float64[np.ndarray, " n"]
-    level: Float64[np.ndarray, " n"]
-    """Distance to the limit, below 0; never falls."""
-    end: float
-    """Its life; NaN while it lasts."""
-
-    @property
-    def now(self) -> float:
-        """Its age at the last row."""
-        return float(self.age[-1])
-
-    @property
-    def tangent(self) -> float:
-        """Time to the limit if it went on as in the newest `TANGENT` of its age; 0: unknown."""
-        first = int(np.searchsorted(self.age, (1.0 - TANGENT) * self.now))
-        first = min(first, len(self.age) - 2)
-        risen = float(self.level[-1] - self.level[first]) if first >= 0 else 0.0
-        if not risen > 0.0:
-            return 0.0
-        left = max(-float(self.level[-1]), 1e-3 * abs(float(self.level[0])))
-        return left / risen * (self.now - float(self.age[first]))
-
-    def row(self, level: float, age: float, about: float) -> int:
-        """The row nearest in age of those about a level; else the first beyond it."""
-        near = np.flatnonzero(np.abs(self.level - level) <= about)
-        if len(near):
-            return int(near[np.argmin(np.abs(self.age[near] - age))])
-        return min(int(np.searchsorted(self.level, level)), len(self.age) - 1)
-
-    def until(self, age: float) -> Way:
-        """What of it was known at an age."""
-        known = int(np.searchsorted(self.age, age, side="right"))
-        return Way(self.age[:known], self.level[:known], np.nan)
-
-
-def way_of(indicator: Indicator, end: float = np.nan) -> Way | None:
-    """How the level rose: medians of the newest values, as the highest one so far; None: too few.
-
-    Args:
-        indicator: its current life counts, free of covariates.
-        end: its life, on the law's clock.
-    """
-    problem = scaled(indicator, most=0)
-    if isinstance(problem, str):
-        return None
-    y = (without_covariates(problem) - problem.limit) * problem.scale
-    level = np.maximum.accumulate(medians(y, int(np.clip(len(y) // 4, 1, SHORT))))
-    return Way(problem.s * problem.age, level, end)
 
 
 class Member(NamedTuple):
@@ -332,7 +274,9 @@ class Fleet:
             if not np.isfinite(like.end):
                 continue
             k = like.row(
-                float(way.level[-1]), way.now, ALIKE * abs(reach(self.ways) - float(way.level[0]))
+                float(way.level[-1]),
+                float(way.reached[-1]),
+                ALIKE * abs(reach(self.ways) - float(way.level[0])),
             )
             there = np.minimum(np.searchsorted(like.level, levels), len(like.age) - 1)
             rest = max(like.end - float(like.age[k]), LEAST * like.end)
@@ -368,13 +312,17 @@ def _ask(ways: Sequence[Way], one: Way) -> Asked:
     about = ALIKE * abs(reach(ways) - float(one.level[0]))
     left, paces, ended = [], [], []
     for way in ways:
-        k = way.row(level, age, about)
+        k = way.row(level, float(one.reached[-1]), about)
         known = bool(np.isfinite(way.end))
         whole = way.end if known else way.now
-        rest = whole - float(way.age[k])
+        # Its age when the level would have been known, if as late on its own course.
+        reached = float(way.reached[k])
+        slower = np.clip(reached / max(float(one.reached[-1]), 1e-300), 1.0 / SLOWER, SLOWER)
+        then = reached + float(slower) * (age - float(one.reached[-1]))
+        rest = whole - then
         if float(way.level[0]) <= level + about and (known or way.level[-1] >= level - about):
             least = LEAST * whole
-            paces.append(np.log(max(age, least) / max(float(way.age[k]), least)))
+            paces.append(np.log(max(age, least) / max(then, least)))
         if known or rest > 0.0:
             left.append(np.log(max(rest, LEAST * whole)))
             ended.append(known)

@@ -35,7 +35,7 @@ import numpy as np
 from evertwin.errors import UsageError
 from evertwin.prognosis.laws.alone import newest, pace_of, widened
 from evertwin.prognosis.laws.crowded import by_time
-from evertwin.prognosis.laws.fleet import Fleet, Member, Way, way_of
+from evertwin.prognosis.laws.fleet import Fleet, Member
 from evertwin.prognosis.laws.hypotheses import LAWS, every_look, sharpened
 from evertwin.prognosis.laws.indicator import Indicator
 from evertwin.prognosis.laws.lasting import comes_and_goes, flat_since
@@ -43,6 +43,8 @@ from evertwin.prognosis.laws.life import LEVELS, Life, NotEnough, Onset, Workloa
 from evertwin.prognosis.laws.mixture import COARSE, fine_nodes, mixture, never
 from evertwin.prognosis.laws.onset import SHARE, find_onset
 from evertwin.prognosis.laws.scaled import Problem, noise_of, scaled, steady
+from evertwin.prognosis.laws.swing import without_swing
+from evertwin.prognosis.laws.way import Way, way_of
 
 FAR = 20.0
 """A median beyond so many ages is no answer: growth is not told from none."""
@@ -55,11 +57,30 @@ def predict_life(
 ) -> Life | NotEnough:
     """The remaining life as a distribution, or what the data lack for one.
 
+    Newest values beyond the limit that are too few to end a life do not lengthen it.
+
     Args:
         indicator: the history; only its current life counts.
         laws: laws that may hold, some of `LAWS`.
         fleet: what like machines tell.
     """
+    found, few = _predicted(indicator, laws, fleet), held_back(indicator)
+    if not few or (isinstance(found, Life) and found.passed is not None):
+        return found
+    kept = np.flatnonzero(np.isfinite(indicator.value))[:-few]
+    rest = indicator.rows(kept).seen_at(float(indicator.at[-1]))
+    without = _predicted(rest, laws, fleet)
+    if isinstance(without, NotEnough) or without.passed is not None:
+        return found
+    if isinstance(found, NotEnough):
+        return without
+    return replace(found, remaining=np.minimum(found.remaining, without.remaining))
+
+
+def _predicted(
+    indicator: Indicator, laws: Sequence[str], fleet: Fleet | None
+) -> Life | NotEnough:  # fmt: skip
+    """The same, whatever the newest values are."""
     if (failed := indicator.failed) is not None:
         now = float(indicator.at[-1]) if len(indicator.at) else failed
         none = quantiles(np.zeros(1), np.ones(1))
@@ -106,10 +127,11 @@ def alone(
 
     Growth that has ended, or comes and goes, tells neither a life nor an onset.
     """
-    problem = scaled(indicator)
+    calm = without_swing(indicator)
+    problem = scaled(calm)
     if isinstance(problem, str):
         return NotEnough(problem), onset
-    found = by_laws(indicator, problem, laws)
+    found = by_laws(calm, problem, laws)
     if isinstance(found, Life) and found.passed is not None:
         return found, onset
     if onset is None:
@@ -123,8 +145,8 @@ def alone(
             f"probability {level:.2f}",
             "growth is not established beyond that level",
         ), None
-    lately = newest(indicator)
-    recent, whole = scaled(lately), scaled(indicator, most=0)
+    lately = newest(calm)
+    recent, whole = scaled(lately), scaled(calm, most=0)
     newer = found if isinstance(recent, str) else by_laws(lately, recent, laws)
     newer = found if isinstance(newer, NotEnough) or newer.passed is not None else newer
     if isinstance(newer, NotEnough):
@@ -179,6 +201,17 @@ def beyond_for_good(indicator: Indicator) -> bool:
         return False
     apart = life.distance()[np.isfinite(life.value)]
     return len(apart) >= LASTING and bool(np.all(apart[-LASTING:] <= 0.0))
+
+
+def held_back(indicator: Indicator) -> int:
+    """How many of the newest values lie beyond the limit, where they are too few to end a life."""
+    life = indicator.since_replaced()
+    if life.covariates:
+        return 0
+    apart = life.distance()[np.isfinite(life.value)]
+    within = np.flatnonzero(apart > 0.0)
+    few = len(apart) - 1 - int(within[-1]) if len(within) else 0
+    return few if few < LASTING else 0
 
 
 def over(indicator: Indicator, problem: Problem) -> Life:
