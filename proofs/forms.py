@@ -1,10 +1,10 @@
 """The form of static maps: `python -m proofs.forms [planted|tx40 ...] [SEEDS]`.
 
 planted: an arm whose joints rub, pull and hang in ways that the twin is not told, in other formulas
-than the library's (`planted.rubbing`). SEEDS machines (50): causes are drawn for four joints, one joint
-does what no cause explains, one is as described. `Twin.fit` on `twins/arm.toml` with every term in
-the ladder, three runs of 20 s, judged on a fourth: is the cause named, and only it; what is left on
-unseen rows, in parts of the noise; is the strange joint's form said to be unknown?
+than the library's (`planted.rubbing`). SEEDS machines (50): causes are drawn for four joints, one
+joint does what no cause explains, one is as described. `Twin.fit` on `twins/arm.toml` with every
+term in the ladder, three runs of 20 s, judged on a fourth: is the cause named, and only it; what is
+left on unseen rows, in parts of the noise; is the strange joint's form said to be unknown?
 
 tx40 (needs EVERTWIN_DATA): a real Stäubli TX40 (9 s), `twins/tx40.toml`, first half → second half,
 in percent of the joint's torque over all rows; then friction of the whole record by the sign law of
