@@ -26,8 +26,9 @@ from evertwin.worlds.arm import Cycle, Truth, columns, load, planned, record
 from planted.twins import opened, written
 from proofs._verdict import chance, ended, holds
 
-RUNS, LATER, GROWTH, SCATTER, CYCLES = 12, 10, 0.01, 0.05, 3
-"""History: runs, how far ahead, growth a run of the friction today, noise of its values [Nm];
+RUNS, LATER, GROWTH, SCATTER, LIMIT, CYCLES = 12, 10, 0.01, 0.05, 1.25, 3
+"""History: runs, how far ahead, growth a run of the friction today, noise of its values [Nm], limit
+in that of today (a third of the way to it is done; a life needs a fifth, or no wear is foretold);
 cycles that the twin runs beside."""
 LIMITS = {"rms": 0.02, "peak": 0.03}
 """How far off a prediction may be, and no more than half as far as the dummy."""
@@ -85,7 +86,7 @@ def arm(folder: Path, rng: np.random.Generator) -> tuple[Twin, Path]:
         course = now * (1.0 + GROWTH * np.arange(1 - RUNS, 1))
         past.append(course + rng.normal(0.0, SCATTER, RUNS))
         rules.append(spec.IndicatorSpec(
-            f"Fc{axis}", component=f"gearbox{axis}", parameter=f"Fc{axis}", limit=2.0 * now
+            f"Fc{axis}", component=f"gearbox{axis}", parameter=f"Fc{axis}", limit=LIMIT * now
         ))  # fmt: skip
     path = folder / "history.csv"
     lines = [f"{k + 1},{a},{b}" for k, (a, b) in enumerate(zip(*past, strict=True))]

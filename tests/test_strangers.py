@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.strangers import draw, textbook, twin
+from benchmarks.strangers.__main__ import write
 from benchmarks.strangers.score import score
 from evertwin import Twin
 
@@ -53,3 +54,11 @@ def test_a_form_that_the_twin_does_not_have_accuses_no_sensor(
         result = opened.run([str(one) for one in sorted(place.glob("train_*.csv"))])
     assert not [e.reason for e in result.of_kind("abnormal") if "looks" in e.reason]
     assert result.of_kind("promoted")
+
+
+@pytest.mark.parametrize(("seeds", "drawn"), [("2", [0, 1]), ("31-32", [31, 32])])
+def test_seeds_are_a_number_of_them_or_the_first_and_the_last(
+    tmp_path: Path, seeds: str, drawn: list[int]
+) -> None:
+    write("known", tmp_path, seeds, ["cap"])
+    assert sorted(place.name for place in tmp_path.iterdir()) == [f"cap-{n:04d}" for n in drawn]

@@ -4,6 +4,8 @@ write known|late FOLDER SEEDS [FAMILY …]   the machines, as plain files
 predict FOLDER                             SciPy's, a naive and evertwin's predictions
 score FOLDER                               a line per machine
 table known|late SEEDS [FAMILY …]          all of it in a folder of its own
+
+SEEDS: so many from 0 on, or the first and the last (31-33).
 """
 
 from __future__ import annotations
@@ -21,10 +23,12 @@ from benchmarks.strangers.score import OWN, Score, score
 METHODS = ("configured", "scipy", "fit", "run")
 
 
-def write(group: str, folder: Path, seeds: int, families: list[str]) -> None:
+def write(group: str, folder: Path, seeds: str, families: list[str]) -> None:
     """The machines of a set as plain files."""
+    first, between, last = seeds.partition("-")
+    drawn = range(int(first), int(last) + 1) if between else range(int(first))
     for family in families or draw.names(group):
-        for seed in range(seeds):
+        for seed in drawn:
             draw.write(group, family, seed, folder)
 
 
@@ -61,7 +65,7 @@ def summary(found: list[tuple[Score, str]]) -> None:
         )
 
 
-def table(group: str, seeds: int, families: list[str]) -> list[tuple[Score, str]]:
+def table(group: str, seeds: str, families: list[str]) -> list[tuple[Score, str]]:
     """Every machine of a set, drawn, predicted and scored."""
     found = []
     with tempfile.TemporaryDirectory() as folder:
@@ -79,7 +83,7 @@ def main(arguments: list[str]) -> int:
     """What the command line asks for."""
     match arguments:
         case ["write", group, folder, seeds, *families]:
-            write(group, Path(folder), int(seeds), families)
+            write(group, Path(folder), seeds, families)
         case ["predict", folder]:
             for place in sorted(Path(folder).iterdir()):
                 print(f"{place.name:16} {predict(place)}", flush=True)
@@ -88,7 +92,7 @@ def main(arguments: list[str]) -> int:
                 found = score(place)
                 print(place.name, {m: round(r, 3) for m, r in found.ratio.items() if m != OWN})
         case ["table", group, seeds, *families]:
-            table(group, int(seeds), families)
+            table(group, seeds, families)
         case _:
             print(__doc__)
             return 2

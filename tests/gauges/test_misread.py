@@ -11,6 +11,7 @@ import pytest
 from evertwin import RunResult, Twin, TwinSpec
 from evertwin.anomaly.spec import AnomalySpec
 from evertwin.config.spec import CorrectionSpec, ModelSpec, PredictionSpec, Span
+from proofs.rates import TWIN, recording
 
 Columns = dict[str, np.ndarray]
 HALF = 1200
@@ -115,3 +116,13 @@ def test_the_doctor_names_crossed_columns() -> None:
         found = twin.doctor(data).of_kind("exchanged", "unit", "sign")
     assert [one.kind for one in found] == ["exchanged"]
     assert "x and y look exchanged" in found[0].reason
+
+
+@pytest.mark.parametrize("seed", [14, 40])
+def test_a_drive_that_stands_below_its_threshold_is_read_in_no_smaller_unit(seed: int) -> None:
+    """What does not move has as little of any size; the noise of what moves later tells it."""
+    with Twin.open(TWIN) as twin:
+        result = twin.run(recording(seed, 10))
+    told = [e.reason for e in result.of_kind("abnormal")]
+    assert not any("times what it is" in reason for reason in told)
+    assert "start threshold" in result.headline and result.of_kind("promoted")

@@ -325,10 +325,12 @@ def _risen(rows: Rows, one: Reading, first: int, stop: int) -> bool:
 
 
 def _restored(rows: Rows, one: Reading, after: Outputs, known: np.ndarray) -> bool:
-    """Undone, are the rows as near to the model as those before?"""
-    first = int(np.argmax(known.any(axis=1)))
-    usual = rows.before[:first]
-    if np.count_nonzero(np.isfinite(usual).any(axis=1)) < LEAST:
+    """Undone, are the rows as near to the model as those before, or behind where there are few?"""
+    places = np.flatnonzero(known.any(axis=1))
+    for usual in (rows.before[: places[0]], rows.before[places[-1] + 1 :]):
+        if np.count_nonzero(np.isfinite(usual).any(axis=1)) >= LEAST:
+            break
+    else:
         return True
     old = np.nanmean(np.square(usual), axis=0)
     own = after * rows.sizes_under(one)
