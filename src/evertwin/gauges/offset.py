@@ -158,9 +158,8 @@ def _constant(
         f"{channel.name} looks off by {size} from {row}{until}: as {what} of its sensor "
         f"this explains {share:.0f} % of the deviation on rows that it was not learned on, "
     )
-    jumped = (
-        leap or scaled or k < len(rows.setup.model.inputs)
-    )  # rows since then alone do not tell it
+    # rows since then alone do not tell what jumped
+    jumped = leap or scaled or k < len(rows.setup.model.inputs)
     lasts = rows.goes_on(rows.since, stop) if jumped else None
     if lead > SURE:
         return SensorChange(
