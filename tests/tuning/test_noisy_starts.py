@@ -58,7 +58,9 @@ def test_without_noise_nothing_is_added() -> None:
     problem = Problem(TANK, (drawn(1, 0.0),), horizon=20.0)
     assert solve(problem).values == pytest.approx([GAIN, TIME], rel=1e-6)
     free_run = Problem(TANK, (drawn(1, 0.15),))  # one start among 3,000 rows
-    assert noisy(free_run, free_run.start, np.array([0.15])) is None
+    adds = noisy(free_run, free_run.start, np.array([0.15]))
+    told = free_run.sensitivity(free_run.start).information(np.array([0.15]))
+    assert adds is not None and adds.information[1, 1] < 0.03 * told[1, 1]
 
 
 def following(rows: int) -> Bools:

@@ -27,8 +27,6 @@ from evertwin.types import Bools, Float64, Outputs, PerOutput, Vector
 
 ROWS = 100
 """Rows that the noise of an output is told from, at least."""
-STARTS = 10
-"""The same of starts: what noise does on average says nothing of one, which may be a known rest."""
 ROUNDS = 3
 """Steps, each of which leaves of the error the share that the noise has of what the rows seem to
 tell. To go on to the end would leave none on average, and now and then a number that is far off."""
@@ -77,10 +75,7 @@ def noisy(problem: Problem, values: Vector, sigma: PerOutput) -> Noisy | None:
     """
     if not len(problem.model.states) or problem.loss != "linear":
         return None
-    begun = problem.restart.code != 0
-    if np.count_nonzero(begun) < STARTS:
-        return None
-    follows = ~begun & problem.rows.used.any(axis=1)
+    follows = (problem.restart.code == 0) & problem.rows.used.any(axis=1)
     noise = white(problem.residuals(values), follows)
     if not noise.any():
         return None

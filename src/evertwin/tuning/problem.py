@@ -328,9 +328,12 @@ class Problem:
             anew: only where all begins anew, not where a measurement is adopted on the way.
         """
         here, (y, code, x0) = self.predictions(points), self.restart
+        begun = np.flatnonzero(code == ANEW).tolist()
+        known = [row for row in begun if np.array_equal(self.model.observe(x0, y[row]), x0)]
         for k, size in enumerate(sizes.tolist()):
             moved, there = self.tuning(self.names), y.copy()
             there[(code == ANEW) | (not anew), k] += size
+            there[known] = y[known]  # at rest where the model begins: nobody measured it
             moved.__dict__["restart"] = Restart(there, code, x0)
             angles = self.model.outputs.angles
             yield [wrap(a - b, angles) for a, b in zip(moved.predictions(points), here)]
