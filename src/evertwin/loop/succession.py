@@ -104,16 +104,14 @@ def driven(setup: Setup, rows: Rows) -> bool:
 
 def makes_room(setup: Setup, decision: Decision) -> None:
     """What goes on ends where the live version deviates: the trial of a challenger that has long
-    gained next to nothing, or for a while been worse by what would be worth a switch; the probation
-    of a version that has been better than the one before, or of which nothing tells it apart: to go
-    back would not help."""
+    gained next to nothing; the probation of a version that has been better than the one before, or
+    of which nothing tells it apart: to go back would not help."""
     state, gate = decision.state, setup.trial
     phase, pinned = state.agenda.phase, state.agenda.pinned
     if phase == TRIAL and not pinned:
         verdict, evidence = gate.verdict(state.trial)
-        gain, count = evidence["gain"], 2 * evidence["segments"]
-        long = 4 * gate.least if gain > -gate.margin else gate.least
-        if verdict is None and gain < 0.5 * gate.margin and count >= long:
+        hopeless = evidence["gain"] < 0.5 * gate.margin
+        if verdict is None and hopeless and evidence["segments"] >= 2 * gate.least:
             number = state.other.version
             reason = f"version {number} gains too little, superseded: {evidence['sentence']}"
             decision.say("rejected", "", reason, evidence)

@@ -27,6 +27,8 @@ ANSWERS = {
     "level", "gap", "height", "displacement", "thrust", "response", *QUANTITIES["temperature"],
     *QUANTITIES["position"], *QUANTITIES["velocity"], "output",
 }  # fmt: skip
+NAMED = 3
+"""What such a word weighs: of several the first is taken."""
 HELD, JUMP, ENOUGH = 0.5, 0.05, 20
 """Share of the rows in which a signal in steps stays, its usual step of its spread, and rows."""
 
@@ -40,7 +42,7 @@ def told(name: str) -> int:
 
 def _first(said: list[str]) -> int:
     begins = set(said[:1])
-    return 3 * ((not IN.isdisjoint(begins)) - (not OUT.isdisjoint(begins)))
+    return NAMED * ((not IN.isdisjoint(begins)) - (not OUT.isdisjoint(begins)))
 
 
 def stepped(values: Vector) -> bool:

@@ -26,7 +26,7 @@ from evertwin.sources.description import ColumnInfo
 from evertwin.sources.names import unit_problem
 from evertwin.starter.arm import of_arm
 from evertwin.starter.base import of_odometry, of_pose, of_wheels
-from evertwin.starter.cause import stepped, told
+from evertwin.starter.cause import NAMED, stepped, told
 from evertwin.starter.compass import as_compass
 from evertwin.starter.named import matched, sole, unit_of
 from evertwin.starter.proposal import ASK, Derivation, Match, Proposal
@@ -210,7 +210,8 @@ def _first_two(seen: Sequence[Seen]) -> tuple[Match, ...]:
     for name, column, sign in (("u", drives, 1), ("y", answers, -1)):
         mine = sign * rank[column.name]
         alike = [c for c in moving if sign * rank[c.name] >= mine]
-        says = mine > 0 and alike == [column] and not (sign < 0 and place)
+        says = mine >= NAMED or (mine > 0 and alike == [column])
+        says = says and not (sign < 0 and place)
         if says or len(moving) <= 2:
             why = "assumed: by its words" if mine > 0 else "assumed: by its place"
             if mine <= 0 and len(in_steps) == 1 and rank[drives.name] == rank[answers.name]:

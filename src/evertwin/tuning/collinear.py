@@ -35,7 +35,7 @@ from evertwin.models.corrected import Corrected
 from evertwin.tuning.advice import advise
 from evertwin.tuning.fit import Fit
 from evertwin.tuning.form_error import wrong_outputs
-from evertwin.tuning.identifiability import NULL, grade
+from evertwin.tuning.identifiability import NULL, WEAK, grade
 from evertwin.tuning.omitted import normal
 from evertwin.tuning.problem import Problem
 from evertwin.tuning.sensitivity import Spectrum
@@ -152,7 +152,8 @@ def _note(reasons: list[str], fit: Fit, kept: str, held: str) -> None:
 
 
 def _leaning(problem: Problem, fit: Fit, stays: tuple[str, ...]) -> Fit:
-    """The fit, whose intervals carry how far its numbers would move with what is held."""
+    """The fit, whose intervals carry how far its numbers would move with what is held; numbers that
+    go with it as a whole are told beside it."""
     products = normal(problem, fit)
     told = zip(fit.names, fit.verdict, strict=True)
     rest = np.flatnonzero([name not in stays and word != "not" for name, word in told])
@@ -167,8 +168,9 @@ def _leaning(problem: Problem, fit: Fit, stays: tuple[str, ...]) -> Fit:
         for k in rest[by > half[rest]].tolist():
             _note(reasons, fit, fit.names[k], name)
         more[rest] += np.where(by > half[rest], by, 0.0)
-    interval = fit.interval95 + np.outer(more, (-1.0, 1.0))
     sizes = np.maximum(np.abs(fit.start), np.abs(fit.values))
+    more[half + more > WEAK * sizes] = 0.0  # of a scale: told as a multiple of what is held
+    interval = fit.interval95 + np.outer(more, (-1.0, 1.0))
     for k in np.flatnonzero(more).tolist():
         (verdict[k],), (why,) = grade([""], (half + more)[k : k + 1] / sizes[k])
         reasons[k] = "; ".join(filter(None, (reasons[k], why)))
