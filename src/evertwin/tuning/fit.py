@@ -181,15 +181,15 @@ class Fit:
 
     def __str__(self) -> str:
         """A table of parameters, then of outputs."""
-        lines = [f"{self.method}: {self.message}"]
+        lines, wide = [f"{self.method}: {self.message}"], max([12, *map(len, self.names)])
         for name, value, half, unit, verdict, reason in self._table():
             tail = f"  {reason}" if reason else ""
-            lines.append(f"  {name:<12} {value:>10} {half:<12} {unit:<8} {verdict}{tail}")
+            lines.append(f"  {name:<{wide}} {value:>10} {half:<12} {unit:<8} {verdict}{tail}")
         lines += [f"  {told}" for told in self._told()[1]]
         for name, before, after in zip(
             self.outputs, self.deviation_before, self.deviation_after, strict=True
         ):
-            lines.append(f"  {name:<12} {percent(before):>11} -> {percent(after)}")
+            lines.append(f"  {name:<{wide}} {percent(before):>11} -> {percent(after)}")
         return "\n".join(lines)
 
     def _repr_html_(self) -> str:
