@@ -87,7 +87,7 @@ def spanning(table: Table) -> str | None:
     return next((n for n in named if seconds_of(n) != 1.0), None)
 
 
-def way_of(table: Table) -> str | None:
+def mileage_of(table: Table) -> str | None:
     """A column that counts a way, or strokes, and never falls."""
     for name in table.names:
         rest = [word for word in _words(name) if word not in _BESIDE]

@@ -33,11 +33,11 @@ from evertwin.prognosis.headings import (
     counting,
     is_label,
     is_timely,
+    mileage_of,
     named,
     plainly,
     seconds_of,
     spanning,
-    way_of,
 )
 from evertwin.prognosis.health import indicator_of, seen, today_of, unless_overdue
 from evertwin.prognosis.history_file import TIMES, counted_by, in_seconds, of_table
@@ -263,7 +263,7 @@ def _columns(table: Table) -> tuple[str, ...]:
         if not (plainly(n) in clocks and is_timely(table, n)) and n.lower() not in COUNTS
         and not clock_of(n)
         and not n.endswith("sigma") and n not in table.dates and not is_serial(table, n)
-        and n not in (spanning(table), way_of(table))
+        and n not in (spanning(table), mileage_of(table))
     ]  # fmt: skip
     told = [n for n in there if np.isfinite(table.column(n)).any()]
     told = [n for n in told if not is_label(table, n)] or told
@@ -299,7 +299,7 @@ def _clock(table: Table) -> str:
     by = counted_by(table)
     if by is None:
         by = counting(("h", "d"), table)
-        return clock_of(by) if by else way_of(table) or "run"
+        return clock_of(by) if by else mileage_of(table) or "run"
     if by not in table.units and seconds_of(by) != 1.0:
         return "h" if seconds_of(by) < UNITS["h"] else "d"
     at, _ = in_seconds(table, by)
