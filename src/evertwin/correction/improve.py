@@ -36,6 +36,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.special import ndtri, stdtr
 
 from evertwin.correction.absorbed import absorbed
 from evertwin.correction.candidates import propose, unstarted
@@ -366,9 +367,11 @@ def _compared(
     candidate: Candidate, replaced: tuple[Term, ...], before: Vector, after: Scored
 ) -> _Option:
     paired = before - after.deviations
-    error = float(paired.std()) / np.sqrt(len(paired))
+    error = float(paired.std(ddof=1)) / np.sqrt(len(paired))
     gain = 1.0 - after.mean / max(mean_deviation(before), TINY)
-    sure = float(paired.mean()) / max(error, TINY)
+    seen = float(paired.mean()) / max(error, TINY)
+    # of few segments the scatter is known badly: the deviate of equal chance under a normal
+    sure = -float(ndtri(stdtr(len(paired) - 1, -seen)))
     return _Option(after, candidate, replaced, before, gain, sure)
 
 

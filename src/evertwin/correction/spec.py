@@ -59,9 +59,9 @@ class CorrectionSpec(Section):
     """
 
     channels: tuple[str, ...] = ()
-    """Inputs (or states, for ``state``) that may be corrected."""
+    """Inputs (or states, for ``state`` and ``leak``) that may be corrected."""
     terms: tuple[str, ...] = ()
-    """Kinds of term that may be tried: lag, coupling, law, table, surface, state, or one that
+    """Kinds of term that may be tried: lag, coupling, law, table, surface, state, leak, or one that
     another package brings; empty: the form stays."""
     outputs: tuple[str, ...] = ()
     """Outputs that terms have to pay on, on held-out rows and in their trial; empty: all."""

@@ -46,6 +46,7 @@ from evertwin.tuning import (
 from evertwin.tuning.hidden_starts import begun
 from evertwin.tuning.interrupt import Interrupt
 from evertwin.tuning.least_trimmed import trimmed
+from evertwin.tuning.minima import lowest
 from evertwin.tuning.tangent import leaning, searched, told
 from evertwin.types import ParameterVector
 
@@ -125,7 +126,7 @@ def tune(
     problem = replace(problem, settings=replace(problem.settings, far=far))
     with Interrupt() as stop:
         problem, chosen = climb_laws(setup, _watched(problem, stop, watch))
-        problem = searched(problem, inside(problem))
+        problem = lowest(searched(problem, inside(problem)))
         work = Work(setup, versions, before)
         formed = with_terms(setup, work, version, problem)
         fit = _sure(setup, formed)

@@ -16,8 +16,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from evertwin.correction.candidates import propose
+from evertwin.correction.describe import describe
 from evertwin.correction.improve import Proposal, Selection, improve
 from evertwin.correction.own_numbers import few_numbers
+from evertwin.correction.stack import stack_of
 from evertwin.errors import ConfigError, DataError
 from evertwin.fold import Block
 from evertwin.models import Model
@@ -33,6 +35,8 @@ from evertwin.types import Json, ParameterVector, Vector
 
 GAIN = 0.05
 """Least relative fall of the tuned residual that the terms must bring."""
+LEAST = 10
+"""Fewest predictions that terms are sought on: no more will come, as they do beside a machine."""
 
 
 @dataclass(frozen=True)
@@ -100,37 +104,12 @@ def with_terms(setup: Setup, work: Work, version: Version, problem: Problem) -> 
     without = Formed(problem, fit, version.form)
     if not (rule.in_fit and rule.terms):
         return without
-    settings = Selection(rule.terms, rule.channels, quantum=rule.quantum, outputs=rule.outputs)
     horizon = setup.horizon if rule.horizon is None else rule.horizon
-    rows = setup.model, version.form, problem.windows, horizon
-    proposal = None
-    if few_numbers(setup.editable):
-        beside = replace(settings, numbers=setup.editable, beside=True)
-        proposal = improve(*rows, beside, version.p)
-    if proposal is None or not proposal.found:
-        proposal = improve(*rows, settings, version.p)
-    search: dict[str, Any] = {
-        "horizon": horizon,
-        "describes": list(proposal.describes),
-        **proposal.evidence(),
-    }
-    if not proposal.found:
-        return replace(without, search=search)
-    model = build(setup.model, proposal.form)
-    known = dict(zip(problem.model.parameters.names, fit.p.tolist(), strict=True))
-    tried = []
-    proposed, *general = _starts(setup, problem, proposal, horizon)
-    for start in (proposed, *({**start, **known} for start in (proposed, *general))):
-        names = own_names(model, work.tunable(model), len(problem.windows))
-        wider = replace(
-            problem, model=model, editable=names,
-            prior=model.parameters.with_values(start),
-            settings=replace(
-                problem.settings, far=formed_far(problem.settings.far, setup.spec, proposal.form)
-            ),
-        )  # fmt: skip
-        wider, found, _ = work.tune(wider)
-        tried.append(Formed(wider, found, proposal.form, search))
+    proposals = _proposals(setup, version, problem, fit, horizon)
+    found = [one for one in proposals if one.found]
+    if not found:
+        return replace(without, search=_search(proposals[0], horizon))
+    tried = [one for proposal in found for one in _tried(setup, work, without, proposal, horizon)]
     # costs are in units of each fit's own noise: all alike, however much is left
     share = [_left(rule.outputs, without, one) for one in tried]
     best = min(range(len(tried)), key=lambda k: (not tried[k].fit.converged, share[k]))
@@ -138,10 +117,58 @@ def with_terms(setup: Setup, work: Work, version: Version, problem: Problem) -> 
     left: list[Json] = [
         {"output": o, "without": a, "with": b} for o, a, b in _rms(without.fit, formed.fit)
     ]
-    search |= {"tuned": left}
+    said = describe(stack_of(setup.model, formed.form, formed.fit.p))
+    formed = replace(formed, search={**formed.search, "describes": list(said), "tuned": left})
     if not formed.fit.converged or share[best] > 1.0 - GAIN:
-        return replace(without, search=search)
+        return replace(without, search=formed.search)
     return formed
+
+
+def _proposals(
+    setup: Setup, version: Version, problem: Problem, fit: Fit, horizon: float
+) -> list[Proposal]:
+    """What pays beside the model's few numbers, from those it has and from the tuned ones: both may
+    be far off, a guess and what has bent to make up for the form. Else what pays on them as they
+    are."""
+    rule = setup.spec.correction
+    settings = Selection(
+        rule.terms, rule.channels, quantum=rule.quantum, outputs=rule.outputs, least=LEAST
+    )
+    rows = setup.model, version.form, problem.windows, horizon
+    found = []
+    if few_numbers(setup.editable):
+        beside = replace(settings, numbers=setup.editable, beside=True)
+        tuned = fit.p[: len(version.p)]
+        found = [improve(*rows, beside, p) for p in (version.p, tuned)]
+    if any(one.found for one in found):
+        return found
+    return [improve(*rows, settings, p) for p in (version.p, fit.p[: len(version.p)])]
+
+
+def _search(proposal: Proposal, horizon: float) -> dict[str, Any]:
+    """The figures of one, for an event."""
+    return {"horizon": horizon, "describes": list(proposal.describes), **proposal.evidence()}
+
+
+def _tried(
+    setup: Setup, work: Work, without: Formed, proposal: Proposal, horizon: float
+) -> list[Formed]:
+    """All numbers of a form that pays, tuned together from several starts."""
+    problem, fit = without.problem, without.fit
+    model, count = build(setup.model, proposal.form), len(problem.windows)
+    names = (*own_names(model, work.tunable(model), count), *own_starts(model, count))
+    settings = replace(
+        problem.settings, far=formed_far(problem.settings.far, setup.spec, proposal.form)
+    )
+    known = dict(zip(problem.model.parameters.names, fit.p.tolist(), strict=True))
+    search, tried = _search(proposal, horizon), []
+    proposed, *general = _starts(setup, problem, proposal, horizon)
+    for start in (proposed, *({**start, **known} for start in (proposed, *general))):
+        prior = model.parameters.with_values(start)
+        wider = replace(problem, model=model, editable=names, prior=prior, settings=settings)
+        wider, found, _ = work.tune(wider)
+        tried.append(Formed(wider, found, proposal.form, search))
+    return tried
 
 
 def _starts(

@@ -22,6 +22,9 @@ from evertwin.tuning import Fit, Problem
 from evertwin.tuning.before import begins
 from evertwin.types import Float64, Json, Outputs, ParameterVector, PerOutput, StateVector, Vector
 
+ENDS = 4
+"""Of fewer predictions each row counts: where one or two of them end is luck."""
+
 
 @dataclass(frozen=True)
 class Prediction:
@@ -160,16 +163,17 @@ def as_required(
     setup: Setup, model: Model, p: ParameterVector, found: Sequence[Prediction], skip: int = 0
 ) -> PerOutput:
     """`judged` of windows that were predicted."""
-    found_in, measured = [np.zeros((0, len(model.outputs)))], list[Outputs]()
+    found_in, measured, ends = [np.zeros((0, len(model.outputs)))], list[Outputs](), list[Outputs]()
     for k, seen in enumerate(found):
         window = seen.window
         counts = seen.moving & (np.arange(len(window.t)) >= (0 if k else skip))[:, None]
         off = np.where(counts, seen.residual, np.nan)
         measured.append(np.where(counts, seen.measured, np.nan))
-        if setup.at_horizon.wanted:
-            off = _newest(off, restarts(window, setup.horizon, model.initial(p)))
         found_in.append(off)
-    off = np.concatenate(found_in)
+        if setup.at_horizon.wanted:
+            ends.append(_newest(off, restarts(window, setup.horizon, model.initial(p))))
+    enough = sum(map(len, ends)) >= ENDS
+    off = np.concatenate(ends if enough else found_in)
     rows = np.count_nonzero(~np.isnan(off), axis=0)
     rms = np.sqrt(np.nansum(np.square(off), axis=0) / np.where(rows, rows, np.nan))
     return np.asarray(rms / setup.sizes(np.concatenate(measured)))

@@ -39,6 +39,8 @@ NEARER, HUGE = 1.0 / 3.0, 1e100
 """Share of a deviation that an observer leaves of it at most, and the square of one without end."""
 WIDE, PARTS = 10.0, 16
 """Standard deviation of a start in sizes of its state, and the parts that tell that size."""
+PLACES, TINY = (0.1, 0.3, 0.5, 0.7, 0.9), 1e-300
+"""Where in the course of a state other starts are tried, as quantiles."""
 
 
 class Recording(NamedTuple):
@@ -137,7 +139,10 @@ def starting(
     items, channels = list[Parameter](), model.states.channels
     for k, window in enumerate(rows[0]):
         x0 = rows[1].get(window.row, model.initial(p))
-        sizes = _sizes(model, p, x0, horizon, window)
+        course = _course(model, p, x0, horizon, window)
+        sizes = _sizes(course)
+        if window.row not in rows[1]:
+            x0 = _likeliest(model, p, course, horizon, window)
         for h in _unmeasured(model):
             name, unit, sigma = _name(channels[h].name, k), channels[h].unit, WIDE * sizes[h]
             items.append(Parameter(name, float(x0[h]), unit, sigma=float(sigma)))
@@ -162,16 +167,46 @@ def _unmeasured(model: Model) -> tuple[int, ...]:
     return tuple(h for h in hidden if not own[h])
 
 
-def _sizes(
+def _course(
     model: Model, p: ParameterVector, x0: StateVector, horizon: float, window: Block
-) -> StateVector:
-    """How far each state moves in a window; 1 where it does not, (nx,)."""
+) -> StateVectors:
+    """States that a window leads through, its start first, (`PARTS` + 1, nx)."""
     kernel, x, seen = kernel_of(model), x0, [x0]
     for part in _parts(window):
         x = roll(kernel, x, part.u, part.dt, p, restarts(part, horizon, x))[0]
         seen.append(x)
-    size = np.ptp(np.stack(seen), axis=0)
+    return np.stack(seen)
+
+
+def _sizes(course: StateVectors) -> StateVector:
+    """How far each state moves; 1 where it does not, (nx,)."""
+    size = np.ptp(course, axis=0)
     return np.where(np.isfinite(size) & (size > 0.0), size, 1.0)
+
+
+def _likeliest(
+    model: Model, p: ParameterVector, course: StateVectors, horizon: float, window: Block
+) -> StateVector:
+    """The start that leaves least, of the model's own and of where each state comes to, (nx,): a
+    search from a start at a stop of the state, such as an empty tank, finds no slope there."""
+    kernel, best = kernel_of(model), np.asarray(course[0], dtype=np.float64)
+    noise = np.nanstd(window.y, axis=0) + TINY
+
+    def left(x0: StateVector) -> tuple[int, float]:
+        """Rows that are lost, as where it runs away, and the squares of the others."""
+        plan = restarts(window, horizon, x0, remembers(model))
+        y = roll(kernel, plan.x0, window.u, window.dt, p, plan)[1]
+        found = residuals(model, window, y) / noise
+        return -int(np.isfinite(found).sum()), float(np.nansum(np.square(found)))
+
+    least = left(best)
+    for h in _unmeasured(model):
+        for value in np.quantile(course[:, h], PLACES):
+            other = np.where(np.arange(len(best)) == h, value, best)
+            cost = left(other)
+            if cost < least:
+                least, best = cost, other
+    return best
 
 
 def _parts(window: Block) -> list[Block]:

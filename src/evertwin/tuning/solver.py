@@ -27,6 +27,9 @@ from evertwin.tuning.sensitivity import Sensitivity
 from evertwin.tuning.settings import Settings
 from evertwin.types import Bool, Float64, Outputs, ParameterVector, PerOutput, Vector
 
+LITTLE = 1.2
+"""Times the squares that are left may grow where the noise of the starts is taken out."""
+
 
 def solve(
     problem: Problem, p0: ParameterVector | None = None, settings: Settings | None = None
@@ -140,7 +143,8 @@ def _search(problem: Problem, settings: Settings, began: float) -> Fit:
     noise = noise_of(problem, left, acting.paid)
     freed = without_noise(problem, outcome.values, free, noise)
     there = squares(problem, problem.residuals(freed))
-    if np.isfinite(there.left).all():  # else the step led to where the simulation runs away
+    one, two = (float(np.nansum(some.left / noise / noise)) for some in (left, there))
+    if np.isfinite(there.left).all() and two <= LITTLE * one:  # else it led astray
         outcome = outcome._replace(values=freed)
     end = problem.sensitivity(outcome.values)
     return assemble(problem, outcome._replace(held=held), end, began)

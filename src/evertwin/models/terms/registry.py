@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from evertwin.models.terms.contract import CorrectionTerm
 
 GROUP = "evertwin.terms"
-KINDS = ("lag", "coupling", "law", "table", "surface", "state")
+KINDS = ("lag", "coupling", "law", "table", "surface", "state", "leak")
 """Those of the package, each in a file of its name; in the order in which they are tried."""
 
 
