@@ -221,8 +221,7 @@ class FitResult:
             return [f"none: {'; '.join(found['describes'])} would leave hardly less (rms {left})"]
         terms = ", ".join(f"{t.kind} on {t.channel}" for t in self.form.terms) or "none"
         return [
-            f"{terms} (held-out deviation over {found['horizon']:g} s, relative to the residual "
-            f"of the model as configured: {found['before']:.3g} -> {found['after']:.3g})",
+            f"{terms} ({found['judged']}: {found['before']:.3g} -> {found['after']:.3g})",
             *found["describes"],
         ]
 

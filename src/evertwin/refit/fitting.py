@@ -21,9 +21,10 @@ from evertwin.ledger.versions import Versions
 from evertwin.models import Model
 from evertwin.refit.fit_result import FitResult as FitResult
 from evertwin.refit.fit_result import Held
+from evertwin.refit.formed import Formed
 from evertwin.refit.recursive_fit import Recursion
 from evertwin.refit.screening import screened
-from evertwin.refit.term_search import Formed, Started, check_initials, own_start, with_terms
+from evertwin.refit.term_search import Started, check_initials, own_start, with_terms
 from evertwin.refit.work import Work
 from evertwin.refit.workers import far_of
 from evertwin.rows.feed import Data, Feed

@@ -9,8 +9,7 @@ measures: they belong to the recording, so each one gets its own.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,35 +22,21 @@ from evertwin.correction.stack import stack_of
 from evertwin.errors import ConfigError, DataError
 from evertwin.fold import Block
 from evertwin.models import Model
-from evertwin.models.corrected import Corrected, build
-from evertwin.models.form import Form, Version
+from evertwin.models.corrected import Corrected
+from evertwin.models.form import Version
 from evertwin.models.terms.rows import Rows
+from evertwin.refit.formed import Formed
+from evertwin.refit.whole_fits import few, sought
 from evertwin.refit.work import Work
-from evertwin.refit.workers import formed as formed_far
 from evertwin.setup.setup import Setup
-from evertwin.tuning import Fit, Problem, initials, own_names, solve
+from evertwin.tuning import Fit, Problem, initials, solve
 from evertwin.tuning.hidden_starts import own_starts
-from evertwin.types import Json, ParameterVector, Vector
+from evertwin.types import ParameterVector, Vector
 
 GAIN = 0.05
 """Least relative fall of the tuned residual that the terms must bring."""
 LEAST = 10
 """Fewest predictions that terms are sought on: no more will come, as they do beside a machine."""
-
-
-@dataclass(frozen=True)
-class Formed:
-    """A fit and the form that it is of.
-
-    >>> Formed.__name__
-    'Formed'
-    """
-
-    problem: Problem
-    fit: Fit
-    form: Form
-    search: Mapping[str, Any] = field(default_factory=dict)
-    """Held-out deviations before and after, and what was tried; empty without a search."""
 
 
 class Started(NamedTuple):
@@ -105,18 +90,22 @@ def with_terms(setup: Setup, work: Work, version: Version, problem: Problem) -> 
     if not (rule.in_fit and rule.terms):
         return without
     horizon = setup.horizon if rule.horizon is None else rule.horizon
-    proposals = _proposals(setup, version, problem, fit, horizon)
+    kinds = rule.terms
+    if own_starts(setup.model, len(problem.windows)):
+        formed, rest = sought(setup, work, without, horizon), set(few(kinds))
+        kinds = tuple(name for name in kinds if name not in rest)
+        if formed.form != version.form or not kinds:
+            return formed
+    proposals = _proposals(setup, version, without, kinds, horizon)
     found = [one for one in proposals if one.found]
     if not found:
         return replace(without, search=_search(proposals[0], horizon))
     tried = [one for proposal in found for one in _tried(setup, work, without, proposal, horizon)]
     # costs are in units of each fit's own noise: all alike, however much is left
-    share = [_left(rule.outputs, without, one) for one in tried]
+    share = [without.left(one, rule.outputs) for one in tried]
     best = min(range(len(tried)), key=lambda k: (not tried[k].fit.converged, share[k]))
     formed = tried[best]
-    left: list[Json] = [
-        {"output": o, "without": a, "with": b} for o, a, b in _rms(without.fit, formed.fit)
-    ]
+    left = [{"output": o, "without": a, "with": b} for o, a, b in without.rms(formed)]
     said = describe(stack_of(setup.model, formed.form, formed.fit.p))
     formed = replace(formed, search={**formed.search, "describes": list(said), "tuned": left})
     if not formed.fit.converged or share[best] > 1.0 - GAIN:
@@ -125,50 +114,45 @@ def with_terms(setup: Setup, work: Work, version: Version, problem: Problem) -> 
 
 
 def _proposals(
-    setup: Setup, version: Version, problem: Problem, fit: Fit, horizon: float
+    setup: Setup, version: Version, without: Formed, kinds: tuple[str, ...], horizon: float
 ) -> list[Proposal]:
     """What pays beside the model's few numbers, from those it has and from the tuned ones: both may
     be far off, a guess and what has bent to make up for the form. Else what pays on them as they
     are."""
     rule = setup.spec.correction
     settings = Selection(
-        rule.terms, rule.channels, quantum=rule.quantum, outputs=rule.outputs, least=LEAST
+        kinds, rule.channels, quantum=rule.quantum, outputs=rule.outputs, least=LEAST
     )
-    rows = setup.model, version.form, problem.windows, horizon
-    found = []
+    rows = setup.model, version.form, without.problem.windows, horizon
+    tuned, found = without.fit.p[: len(version.p)], []
     if few_numbers(setup.editable):
         beside = replace(settings, numbers=setup.editable, beside=True)
-        tuned = fit.p[: len(version.p)]
         found = [improve(*rows, beside, p) for p in (version.p, tuned)]
     if any(one.found for one in found):
         return found
-    return [improve(*rows, settings, p) for p in (version.p, fit.p[: len(version.p)])]
+    return [improve(*rows, settings, p) for p in (version.p, tuned)]
 
 
 def _search(proposal: Proposal, horizon: float) -> dict[str, Any]:
     """The figures of one, for an event."""
-    return {"horizon": horizon, "describes": list(proposal.describes), **proposal.evidence()}
+    judged = (
+        f"held-out deviation over {horizon:g} s, relative to the residual of the model as "
+        "configured"
+    )
+    said = list(proposal.describes)
+    return {"horizon": horizon, "describes": said, "judged": judged, **proposal.evidence()}
 
 
 def _tried(
     setup: Setup, work: Work, without: Formed, proposal: Proposal, horizon: float
 ) -> list[Formed]:
     """All numbers of a form that pays, tuned together from several starts."""
-    problem, fit = without.problem, without.fit
-    model, count = build(setup.model, proposal.form), len(problem.windows)
-    names = (*own_names(model, work.tunable(model), count), *own_starts(model, count))
-    settings = replace(
-        problem.settings, far=formed_far(problem.settings.far, setup.spec, proposal.form)
-    )
-    known = dict(zip(problem.model.parameters.names, fit.p.tolist(), strict=True))
-    search, tried = _search(proposal, horizon), []
+    problem, search = without.problem, _search(proposal, horizon)
+    known = dict(zip(problem.model.parameters.names, without.fit.p.tolist(), strict=True))
     proposed, *general = _starts(setup, problem, proposal, horizon)
-    for start in (proposed, *({**start, **known} for start in (proposed, *general))):
-        prior = model.parameters.with_values(start)
-        wider = replace(problem, model=model, editable=names, prior=prior, settings=settings)
-        wider, found, _ = work.tune(wider)
-        tried.append(Formed(wider, found, proposal.form, search))
-    return tried
+    starts = (proposed, *({**start, **known} for start in (proposed, *general)))
+    problems = [without.posed(setup, work, proposal.form, start) for start in starts]
+    return [Formed.of(work, one, proposal.form, search) for one in problems]
 
 
 def _starts(
@@ -191,22 +175,6 @@ def _starts(
             values[name] = max(values[name], low + 0.01 * size)
         found += [dict(zip(names, start, strict=True)) for start in candidate.starts]
     return [values, *(values | start for start in found)]
-
-
-def _left(outputs: Sequence[str], without: Formed, formed: Formed) -> float:
-    """What a form leaves of the rms residual without it, mean over the outputs; none: over all."""
-    pairs = _rms(without.fit, formed.fit)
-    asked = outputs or [output for output, _, _ in pairs]
-    return float(np.mean([b / a for output, a, b in pairs if a > 0 and output in asked]))
-
-
-def _rms(one: Fit, two: Fit) -> list[tuple[str, float, float]]:
-    """(output, rms residual of one tuned fit, of the other)."""
-    return [
-        (a.output, a.rms_after, b.rms_after)
-        for a, b in zip(one.residuals, two.residuals, strict=True)
-        if np.isfinite(a.rms_after) and np.isfinite(b.rms_after)
-    ]
 
 
 def own_start(setup: Setup, model: Model, p: ParameterVector, window: Block) -> Started:
