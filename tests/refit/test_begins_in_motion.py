@@ -87,6 +87,8 @@ def test_a_window_begins_where_the_rows_before_came_to(seed: int) -> None:
     assert 1050 < cut.row <= 2000
     assert later(twin, p, 2.0, ((rows,), (window,)))[0].row == 1000
     assert later(twin, p, 2.0, ((), (take(rows, 0, 500),)))[0].row == 0
+    single = take(rows, 1000, 1001)
+    assert [len(one.t) for one in later(twin, p, 2.0, ((), (single, window)))] == [1, 2000]
 
 
 @pytest.mark.parametrize("seed", range(2))

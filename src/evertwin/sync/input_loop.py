@@ -41,6 +41,8 @@ ENOUGH = 100
 """Believed rows from which the range is known."""
 LEVELS = 10
 """Changes that it takes, too: of a command in steps, few rows are few values."""
+APART = 30.0
+"""Widths by which a value is outside the range of fewer: a step to ten times the last is not."""
 BETTER = 0.1
 """Share of the squared test ratio that remains where the last believed value explains a row."""
 ERROR = int(Mark.ERROR)
@@ -51,9 +53,10 @@ FOUND_INPUT, FOUND_SOUND = int(Finding.INPUT), int(Finding.SOUND)
 def is_beyond(inputs: Any, counts: Any, k: int, u: float, widths: float) -> bool:
     """Is a value outside the known range of its input, by more than so many widths of it?"""
     low, high = inputs[k, at.LOWEST], inputs[k, at.HIGHEST]
-    if counts[k, at.SEEN] < ENOUGH or counts[k, at.CHANGES] < LEVELS or not high > low:
+    if counts[k, at.SEEN] < ENOUGH or not high > low:
         return False
-    return bool(u > high + widths * (high - low) or u < low - widths * (high - low))
+    away = (widths if counts[k, at.CHANGES] >= LEVELS else max(widths, APART)) * (high - low)
+    return bool(u > high + away or u < low - away)
 
 
 @njit(**COLD)

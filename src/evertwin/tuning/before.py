@@ -88,12 +88,12 @@ def later(
     """The windows; the first without the rows by which a simulation comes to what it begins with,
     where too few are known from before. ``rows`` as in `begins`."""
     before, windows = rows
-    first = windows[0]
-    if not len(model.states) or first.dt[0] <= 0.0 or first.gap[0]:
+    first, half = windows[0], len(windows[0].t) // 2
+    if not (len(model.states) and half) or first.dt[0] <= 0.0 or first.gap[0]:
         return tuple(windows)
     lead = leading(before, first)
     rest = settles(model, p, horizon, first) - (0 if lead is None else len(lead.t) - 1)
-    cut = min(max(rest, 0), len(first.t) // 2)
+    cut = min(max(rest, 0), half)
     return (take(first, cut, len(first.t)), *windows[1:])
 
 

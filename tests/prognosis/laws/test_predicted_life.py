@@ -370,3 +370,11 @@ def test_false_alarms_of_calm_series_that_lean_on_the_value_before() -> None:
             y[k] = 0.7 * y[k - 1] + np.sqrt(0.51) * y[k]
         rung += find_onset(wear(0.05 * y, noise=0.0)) is not None
     assert rung <= 4, "at most one in 10,000 values, at a noise of 5 % of the way"
+
+
+@pytest.mark.parametrize("count", [11, 20, 50, 150])
+def test_a_low_first_value_is_no_baseline(count: int) -> None:
+    first = np.r_[-0.5, np.zeros(count - 1)]
+    assert all(find_onset(wear(first, seed=seed)) is None for seed in range(10))
+    flat = [find_onset(wear(0.0 * first, noise=0.1, seed=seed)) for seed in range(100)]
+    assert sum(one is not None for one in flat) <= 2

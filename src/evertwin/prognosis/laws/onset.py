@@ -56,8 +56,9 @@ def find_onset(indicator: Indicator) -> Onset | None:
     short = int(np.clip(len(y) // 4, 3, SHORT))
     long = int(np.clip(len(y) // 3, 3, LONG))
     level = medians(y, short)
-    base = np.minimum.accumulate(medians(y, long))
-    base = np.minimum(base, np.median(y[:long]))
+    base = medians(y, long)
+    base[: short - 1] = base[short - 1]  # of fewer values a single one moves it
+    base = np.minimum(np.minimum.accumulate(base), np.median(y[:long]))
     way = problem.limit - base
     grown = np.where(way > 0.0, level - base, 0.0)
     effect = grown / np.where(way > 0.0, way, 1.0)
