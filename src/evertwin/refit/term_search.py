@@ -1,8 +1,9 @@
 """A fit that may change the form: terms that pay on held-out parts, then all numbers together.
 
-Terms are sought on top of the version as it is, before its numbers are tuned: numbers that were
-tuned for a form without the term have already bent to make up for it. Then everything is tuned
-together; a term stays only if the tuned form leaves less than the tuned version without it.
+Terms are sought on top of the version as it is, since numbers that were tuned for a form without
+the term have already bent to make up for it, and on top of the tuned one, since a guess may be far
+off. Then everything is tuned together; a term stays only if the tuned form leaves less than the
+tuned version without it. Where states are not measured, `evertwin.refit.whole_fits` seeks instead.
 Parameters that a model calls its ``initials`` are the state before a recording that nothing
 measures: they belong to the recording, so each one gets its own.
 """

@@ -42,8 +42,6 @@ MOST = 3
 GAIN = 0.05
 """Least relative fall of the residual, on what was tuned on and on what was not; of the latter in
 most folds, too."""
-
-
 EVALUATIONS, TOLERANCE = 40, 1e-5
 """Of a search that only compares."""
 TRIED = 2
@@ -77,14 +75,15 @@ def sought(setup: Setup, work: Work, without: Formed, horizon: float) -> Formed:
     span = max(float(w.t[-1] - w.t[0]) * 1e-9 for w in windows)
     rows = Rows(setup.model, windows, rule.channels, min(horizon, span), rule.quantum)
     candidates = [c for c in propose(rows, few(rule.terms)) if c.tier <= SHAPED]
-    labels = [" ".join(filter(None, (*c.key, c.term.variant))) for c in candidates]
     asked = asked_of(setup.model, rule.outputs)
     formed, first = without, _now(without)
     now, tried = first, dict[str, float]()
     for _ in range(MOST):
-        options = [_with(setup, work, (formed, now), candidate) for candidate in candidates]
+        there = {(t.kind, t.channel, t.source) for t in formed.form.terms}
+        rest = [c for c in candidates if c.key not in there]
+        options = [_with(setup, work, (formed, now), candidate) for candidate in rest]
         gains = [_gain(now, option, asked) for option in options]
-        tried = dict(zip(labels, gains, strict=True)) | tried
+        tried = dict(zip(map(_label, rest), gains, strict=True)) | tried
         best = options[int(np.argmax(gains))] if gains else now
         if not gains or max(gains) < GAIN:
             break
@@ -103,6 +102,10 @@ def sought(setup: Setup, work: Work, without: Formed, horizon: float) -> Formed:
         "tuned": [{"output": o, "without": a, "with": b} for o, a, b in left],
     }  # fmt: skip
     return replace(formed, search=search)
+
+
+def _label(candidate: Candidate) -> str:
+    return " ".join(filter(None, (*candidate.key, candidate.term.variant)))
 
 
 def _now(formed: Formed) -> _Option:
