@@ -18,7 +18,8 @@ The function computes in the units that its layouts and parameters state; all ar
 
 >>> pump = FunctionModel(lambda x, u, dt, p: ([], [p[0] + 0.05 * u[0]]), Layout.of(q="m^3/h"),
 ...     Layout.of(press="bar"), parameters=Parameters.of(a=(2.0, "bar")))
->>> pump.outputs.units, pump.simulate(np.zeros(0), np.full((1, 1), 0.01), np.ones(1), [2.0])[1]
+>>> u = np.full((1, 1), 0.01)
+>>> pump.outputs.units, pump.simulate(np.zeros(0), u, np.ones(1), pump.parameters.values)[1]
 (('Pa',), array([[380000.]]))
 """
 
