@@ -269,3 +269,23 @@ def test_machine_code_knows_by_which_units_it_was_made() -> None:
 
 def _twice(x: Any, u: Any, dt: float, p: Any) -> Any:
     return [], [2.0 * u[0]]
+
+
+def test_a_model_that_is_no_function_has_to_be_in_si() -> None:
+    from evertwin.config.spec import ModelSpec, TwinSpec
+
+    class Gauge:
+        inputs, outputs, states = Layout.of(u="1"), Layout.of(p="bar"), Layout()
+        parameters = Parameters()
+
+        def initial(self, p: Any) -> Any:
+            return np.zeros(0)
+
+        def simulate(self, x: Any, u: Any, dt: Any, p: Any) -> Any:
+            return x, u
+
+        def observe(self, x: Any, y: Any) -> Any:
+            return x
+
+    with pytest.raises(UsageError, match=r"p is in 'bar', and only a FunctionModel .* 'Pa'"):
+        Twin(TwinSpec("gauge", ModelSpec("python")), Gauge())

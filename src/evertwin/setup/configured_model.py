@@ -17,7 +17,7 @@ from evertwin.rows.channels import check_quantities
 from evertwin.settings.quantity import Measured, own
 from evertwin.setup.friction_law import check_ladder
 from evertwin.signals import Layout
-from evertwin.signals.units import conversion, to_si
+from evertwin.signals.units import conversion, si_unit, to_si
 
 
 def model_of(spec: TwinSpec, given: Model | None = None) -> Model:
@@ -29,6 +29,12 @@ def model_of(spec: TwinSpec, given: Model | None = None) -> Model:
             its law does not have.
     """
     model = given or _built(spec)
+    for one in (*model.inputs, *model.outputs, *model.states):
+        if conversion(one.unit) != (1.0, 0.0):
+            raise UsageError(
+                f"model: {one.name} is in '{one.unit}', and only a FunctionModel may compute in "
+                f"other units than SI: state '{si_unit(one.unit)}'"
+            )
     check_ladder(spec, model)
     check_quantities(spec, model)
     for name in spec.signals:
