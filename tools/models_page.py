@@ -24,7 +24,8 @@ __all__ = ["page"]
 _OPENING = """# Model kinds
 
 `[model] kind` of a twin file, with its `options`. A channel of `[source.channels]` may be in any
-unit that measures the same; inside, and in `[model.parameters]` without a unit, everything is SI.
+unit that measures the same; inside, and in `[model.parameters]` without a unit, everything is SI
+but for [a function of your own](../how-to/model-of-your-own.md), in the units that it states.
 *Tuned* is the model's proposal: `[tuning] editable` and `[model.parameters.NAME] editable` decide.
 """
 _SHOWN: Mapping[str, tuple[Mapping[str, Any], ...]] = {

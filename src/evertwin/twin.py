@@ -62,9 +62,10 @@ class Twin(loop.ByHand):
         self, spec: TwinSpec | str | Path, model: Model | None = None, store: Store | None = None,
         *, reading: bool = False, engine: Engine | None = None,
     ) -> None:  # fmt: skip
-        self.spec = spec = spec if isinstance(spec, TwinSpec) else read(spec)
+        spec = spec if isinstance(spec, TwinSpec) else read(spec)
         self._engines = loop.Engines(spec, model is not None, engine)
         self.model = setup.model_of(spec, model)
+        self.spec = spec = setup.with_units(spec, self.model)
         rows.check_units(spec, self.model)
         self.setup = setup.Setup(spec, self.model)
         path = spec.store.place(spec.folder)

@@ -11,11 +11,14 @@ def test_info_of_a_twin_file_says_what_it_holds(call: Command, folder: Path) -> 
     done = call("info", "robot.toml")
     assert done.code == 0 and len(done.out.splitlines()) == 5
     for part in ("twin robot, model robot1d", "time t [s]; v = v [cm/s], x = x [cm]",
-                 "requirement 0.005 m, predictions of 1 s", "kept: robot.db",
+                 "requirement 0.5 cm, predictions of 1 s", "kept: robot.db",
                  "next: evertwin doctor robot.toml"):  # fmt: skip
         assert part in done.out, part
     (folder / "bare.toml").write_text('schema = 1\nname = "a"\n[model]\nkind = "thermal"\n')
     assert "requirement none" in call("info", "bare.toml").out
+    text = '[anomaly]\nrequirement = "0.1 bar"\n'
+    (folder / "bar.toml").write_text((folder / "bare.toml").read_text() + text)
+    assert "requirement 0.1 bar" in call("info", "bar.toml").out
 
 
 def test_a_toml_file_is_no_recording(call: Command, folder: Path) -> None:

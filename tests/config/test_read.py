@@ -237,3 +237,10 @@ def test_any_text_is_read_or_refused(text: str) -> None:
         reads(text)
     except ConfigError:
         return
+
+
+def test_a_slope_without_a_rate_is_refused_where_it_is_written() -> None:
+    text = HEAD + '[[derive]]\nname = "a"\nop = "slope"\nfrom = ["v"]\nvalue = 0.3\n'
+    with pytest.raises(ConfigError, match=r":6: derive a: a slope is of rows at a fixed rate"):
+        reads(text)
+    assert reads(text + '[clock]\nrate = "10 Hz"\n').derive[0].op == "slope"

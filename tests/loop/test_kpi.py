@@ -189,3 +189,10 @@ def test_a_share_of_a_temperature_is_said_to_be_one_of_its_range(unit: str, of: 
     one = OutputFigures(unit, 2.0, 1.0, 0.2, 0.1, 0.2, 0.1, 100, 100, 0.1)
     found = Kpi("box", 0, 10.0, 10.0, None, {"x": one}, (), {}, {})
     assert f"20.00 -> 10.00 % {of}" in str(found)
+
+
+def test_figures_are_told_in_the_unit_of_the_recording(told: tuple[RunResult, Kpi, Kpi]) -> None:
+    one = OutputFigures("Pa", 20_000.0, 5000.0, *[0.1] * 4, 10, 10, recorded="bar")
+    text = str(replace(told[1], outputs={"p": one}))
+    assert "off by 0.2 -> 0.05 bar" in text
+    assert "rows inside tell that this goes on, not that the twin is right" in text

@@ -93,3 +93,11 @@ def test_like_machines_in_another_unit_are_asked_back(
     else:
         with pytest.raises(DataError, match=r"f0.csv: x: begins at .* is it in another unit"):
             life_of_series(asked)
+
+
+def test_a_recording_in_which_nothing_goes_one_way_tells_no_wear(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    wind, oil = rng.normal(8.0, 2.0, N), rng.normal(50.0, 5.0, N)
+    assert wear_in(table(tmp_path / "a.csv", "Date,wind,oil", DAYS, wind, oil)) is None
+    found = wear_in(table(tmp_path / "b.csv", "Date,wind,gap", DAYS, wind, wear(0)))
+    assert found is not None and found.columns == ("gap", "wind") and not found.falls

@@ -17,7 +17,7 @@ from evertwin.config.spec import (
     SignalSpec,
     TwinSpec,
 )
-from evertwin.errors import ConfigError, DataError
+from evertwin.errors import ConfigError, DataError, UsageError
 from evertwin.fold import Block, Chunk, concatenate, copy, make_block
 from evertwin.machines.mobile import Robot1D
 from evertwin.rows.alignment import Alignment
@@ -92,8 +92,8 @@ def test_derivatives_of_a_cubic(op: str, value: float) -> None:
 )
 def test_a_slope_needs_enough_rows_at_a_rate(value: float, rate: float | None, said: str) -> None:
     derive = DeriveSpec("x", "slope", ("a",), value=value)
-    spec = replace(SPEC, derive=(derive,), clock=ClockSpec(rate=rate))
-    with pytest.raises(ConfigError, match=said):
+    with pytest.raises(UsageError, match=said):
+        spec = replace(SPEC, derive=(derive,), clock=ClockSpec(rate=rate))
         rows(spec, {"a": (T, A), "v": (T, A)})
 
 

@@ -416,7 +416,7 @@ def test_a_sensor_in_a_larger_unit_is_not_frozen(seed: int) -> None:
     flow = 7e-7 * speed + rng.normal(0.0, 7e-6, n)
     flow[800:1200] *= 0.06
     model = FunctionModel(
-        lambda x, u, dt, p: ([], [7e-7 * u[0]]), Layout.of(n="rpm"), Layout.of(q="m^3/s")
+        lambda x, u, dt, p: ([], [7e-7 * u[0]]), Layout.of(n="rad/s"), Layout.of(q="m^3/s")
     )
     _, out = fold(Track(model), [make_block(np.arange(n) * 10**9, speed[:, None], flow[:, None])])
     assert "frozen" not in [r.evidence.get("cause") for r in out.records]
@@ -430,7 +430,7 @@ def test_a_factor_that_later_rows_refute_is_over(seed: int) -> None:
     share = np.repeat([1.0, 0.3048, 0.45], n // 3)
     flow = 7e-7 * speed[:n] * share + rng.normal(0.0, 7e-6, n)
     model = FunctionModel(
-        lambda x, u, dt, p: ([], [7e-7 * u[0]]), Layout.of(n="rpm"), Layout.of(q="m^3/s")
+        lambda x, u, dt, p: ([], [7e-7 * u[0]]), Layout.of(n="rad/s"), Layout.of(q="m^3/s")
     )
     block = make_block(np.arange(n) * 10**9, speed[:n, None], flow[:, None])
     _, out = fold(Track(model), [block])

@@ -29,7 +29,7 @@ from evertwin.models.form import Version
 from evertwin.models.function import kernel_of
 from evertwin.models.kernel import ANEW
 from evertwin.refit.screening import screened
-from evertwin.rows.channels import unit_recorded
+from evertwin.rows.channels import unit_told
 from evertwin.rows.feed import Data, Feed
 from evertwin.setup.setup import Setup
 from evertwin.store import Store
@@ -76,8 +76,8 @@ class Basis:
     @property
     def recorded(self) -> dict[str, str]:
         """The units in which channels are recorded."""
-        names = (*self.model.inputs.names, *self.model.outputs.names)
-        return {name: unit_recorded(self.setup.spec, name) for name in names}
+        channels = (*self.model.inputs, *self.model.outputs)
+        return {one.name: unit_told(self.setup.spec, one) for one in channels}
 
     def rows(self, data: Data = None) -> tuple[Block, ...]:
         """The rows of recordings, one block a task, without obvious errors.

@@ -27,6 +27,7 @@ from evertwin.machines.arm.inertia import NAMES, point
 from evertwin.machines.assembly.path import Limits, moves_of, plan
 from evertwin.models import Model
 from evertwin.models.corrected import Corrected, build
+from evertwin.settings.quantity import own
 from evertwin.setup.configured_model import model_of
 from evertwin.signals import Layout
 from evertwin.signals.units import compatible
@@ -121,6 +122,7 @@ def _set(case: Case, values: Mapping[str, float]) -> Case:
     p, sigma = case.p.copy(), case.sigma.copy()
     for name, value in values.items():
         item = case.model.parameters[name]
+        value = own(name, value, item.unit)
         if not item.low <= value <= item.high:
             raise UsageError(
                 f"scenario: {name} = {value:g} {item.unit} is outside [{item.low:g}, "

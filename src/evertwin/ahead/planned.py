@@ -23,7 +23,7 @@ import scipy
 from evertwin.ahead.basis import Basis, Future, check_count
 from evertwin.errors import DataError
 from evertwin.fold import Block
-from evertwin.rows.channels import is_held, recorded_as, unit_recorded
+from evertwin.rows.channels import is_held, recorded_as, unit_told
 from evertwin.signals import Channel
 from evertwin.signals.units import compatible, from_si, to_si
 from evertwin.sources.small_table import Table, read_table
@@ -152,7 +152,7 @@ class _Plan(NamedTuple):
             return np.asarray(to_si(values * told.scale + told.offset, told.unit))
         values, written = self.table.column(one.name), self.table.written.get(one.name)
         if written is None:
-            return np.asarray(to_si(values, unit_recorded(self.basis.setup.spec, one.name) or "1"))
+            return np.asarray(to_si(values, unit_told(self.basis.setup.spec, one) or "1"))
         if not compatible(written, one.unit):
             raise DataError(
                 f"{self.table.name}: {one.name} is in '{written}' by its heading, and the model's "

@@ -72,7 +72,7 @@ def _went_on(result: RunResult) -> Iterator[str]:
     if result.passed:
         yield f"{result.passed} rows were passed over: runs before had them"
     if result.began == result.samples:
-        yield "no row is new: what was found then is shown; --again runs all rows as a new run"
+        yield "no row is new: what was found then is shown; evertwin run --again runs all rows anew"
     elif result.began:
         yield f"the run was cut off and went on from row {result.began}"
 

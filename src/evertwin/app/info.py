@@ -12,7 +12,7 @@ from evertwin.app.looking import is_site
 from evertwin.config import TwinSpec, read
 from evertwin.errors import DataError, UsageError
 from evertwin.fold import plain
-from evertwin.signals.units import si_unit
+from evertwin.signals.units import conversion_of
 from evertwin.sources.info import inspect
 from evertwin.sources.info_text import render
 from evertwin.sources.spec import SourceSpec
@@ -91,4 +91,4 @@ def _requirement(twin: TwinSpec) -> str:
         return "none (nothing is tuned or corrected)"
     if asked.relative:
         return f"{100 * asked.requirement:g} % of the rms"
-    return f"{asked.requirement:g} {si_unit(asked.unit) if asked.unit else '(SI)'}"
+    return f"{asked.requirement / conversion_of(asked.unit)[0]:g} {asked.unit or '(SI)'}"

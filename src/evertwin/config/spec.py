@@ -139,6 +139,12 @@ class TwinSpec(Section):
         super().__post_init__()
         for place, rows, span in self._times():
             self._spans(rows, span, place)
+        for k, one in enumerate(self.derive):
+            if one.op == "slope" and self.clock.rate is None:
+                raise PlacedError(
+                    f"derive {one.name}: a slope is of rows at a fixed rate: say [clock] rate, as "
+                    "in '10 Hz'", ("derive", k, "op"),
+                )  # fmt: skip
 
     def rows(self, span: Span, rate: float | None) -> int:
         """The rows of one of its spans, at the rate of the clock, or of the data.

@@ -13,7 +13,7 @@ from evertwin.fold import Block, take
 from evertwin.gauges.misread import Reading
 from evertwin.gauges.sensor_change import Refused
 from evertwin.models.kernel import CONTINUE
-from evertwin.rows.channels import unit_recorded
+from evertwin.rows.channels import unit_told
 from evertwin.rows.ring import called
 from evertwin.setup.setup import Setup
 from evertwin.setup.task import Windows
@@ -150,7 +150,7 @@ class Rows:
     def zeros(self) -> Vector:
         """What each channel records as 0 [SI], (nu + ny,): 273.15 K where it is degrees Celsius."""
         model, spec = self.setup.model, self.setup.spec
-        units = [unit_recorded(spec, name) for name in (*model.inputs.names, *model.outputs.names)]
+        units = [unit_told(spec, one) for one in (*model.inputs, *model.outputs)]
         return np.array([conversion_of(unit)[1] for unit in units])
 
     @cached_property

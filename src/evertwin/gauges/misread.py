@@ -24,7 +24,7 @@ from evertwin.fold import Block, Mark, take
 from evertwin.gauges.sensor_change import LEAST, SensorChange, since_change, unmeasured
 from evertwin.gauges.unlike import Changes, changes
 from evertwin.models import Model
-from evertwin.rows.channels import averaged, unit_recorded
+from evertwin.rows.channels import averaged, unit_told
 from evertwin.rows.ring import called
 from evertwin.setup.setup import Setup
 from evertwin.setup.task import Windows
@@ -285,8 +285,8 @@ def _of_one(
 
 def recorded(setup: Setup) -> tuple[str, ...]:
     """Unit that each input, then each output, is recorded in; empty where nobody says so."""
-    names = (*setup.model.inputs.names, *setup.model.outputs.names)
-    return tuple(unit_recorded(setup.spec, name) for name in names)
+    channels = (*setup.model.inputs, *setup.model.outputs)
+    return tuple(unit_told(setup.spec, one) for one in channels)
 
 
 def _mistakes(channel: Channel, unit: str) -> Iterator[Mistake]:

@@ -39,6 +39,7 @@ from evertwin.outcome.open_trial import OpenTrial, open_trial
 from evertwin.outcome.result import OutputFigures, RunResult
 from evertwin.outcome.view import View
 from evertwin.rows.alignment import Alignment, AlignmentState
+from evertwin.rows.channels import by_name
 from evertwin.rows.feed import Feed as Recorded
 from evertwin.rows.feed import chunk_of
 from evertwin.rows.rate import ENOUGH, rate_of
@@ -221,7 +222,8 @@ class Live:
         lacking = [name for name in ("t", *feed.channels) if name not in columns]
         if lacking:
             raise DataError(f"columns: expected {', '.join(lacking)} too, got {', '.join(columns)}")
-        return chunk_of({name: columns[name] for name in ("t", *feed.channels)}, feed.name)
+        told = {name: columns[name] for name in ("t", *feed.channels)}
+        return chunk_of(by_name(self.setup.spec, self.setup.model, told), feed.name)
 
     def _align(self, chunk: Chunk) -> None:
         self._aligned, block, events = self._alignment.step(self._aligned, chunk)

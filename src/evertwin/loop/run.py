@@ -145,7 +145,12 @@ class Run:
         )
         events = tuple(sorted((*gaps, *result.events), key=lambda event: event.row))
         return replace(
-            result, left_out=had.left_out, passed=place.offset, headline=said, events=events
+            result,
+            left_out=had.left_out,
+            passed=place.offset,
+            headline=said,
+            events=events,
+            local=any(tally.local for tally in had.tallies.values()),
         )
 
     def ended(self, state: TwinState, seconds: float, *, over: bool = False) -> RunResult:

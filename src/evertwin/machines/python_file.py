@@ -53,10 +53,10 @@ def _mistaken(file: str, error: Exception) -> ConfigError:
 
 def _tried(file: str, model: Model) -> None:
     """Runs one row of zeros: a mistake in the code is told now, not as a lost row later."""
-    p = model.parameters.values
+    p, u = model.parameters.values, model.inputs.from_stated(np.zeros((1, len(model.inputs))))
     try:
         with np.errstate(all="ignore"):  # a row without inputs may be none of the machine's
-            model.simulate(model.initial(p), np.zeros((1, len(model.inputs))), np.ones(1), p)
+            model.simulate(model.initial(p), u, np.ones(1), p)
     except _MISTAKES as error:
         raise _mistaken(file, error) from error
     except ArithmeticError:

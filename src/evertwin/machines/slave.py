@@ -28,7 +28,7 @@ from evertwin.models import Model, Parameters
 from evertwin.models.configured import configured
 from evertwin.models.corrected import build
 from evertwin.models.form import Form
-from evertwin.signals.units import powers
+from evertwin.signals.units import conversion, powers
 
 DESCRIPTION = "model.json"
 
@@ -140,8 +140,11 @@ class TwinSlave(Fmi2Slave):  # type: ignore[misc]
         definitions = Element("UnitDefinitions")
         for unit in sorted({unit for unit in units.values() if unit != "1"}):
             element, known = SubElement(definitions, "Unit", name=unit), powers(unit)
-            if known:
-                SubElement(element, "BaseUnit", {key: str(n) for key, n in known.items()})
+            told = {key: str(n) for key, n in known.items()}
+            for key, size, usual in zip(("factor", "offset"), conversion(unit), (1.0, 0.0)):
+                told |= {key: repr(size)} if size != usual else {}
+            if told:
+                SubElement(element, "BaseUnit", told)
         if len(definitions):
             top.insert([child.tag for child in top].index("CoSimulation") + 1, definitions)
         return top

@@ -35,7 +35,7 @@ def check_model(model: Model, u: Inputs | None = None, dt: Intervals | None = No
     """
     rng = np.random.default_rng(0)
     if u is None:
-        u = rng.uniform(-1, 1, (12, len(model.inputs)))
+        u = model.inputs.from_stated(rng.uniform(-1, 1, (12, len(model.inputs))))
     if dt is None:
         dt = np.full(len(u), 0.05)
     p = model.parameters.values

@@ -13,6 +13,14 @@
 [1.0, 1.9]
 
 By default an output that is named like a state adopts into that state.
+
+The function computes in the units that its layouts and parameters state; all around it is SI.
+
+>>> pump = FunctionModel(lambda x, u, dt, p: ([], [p[0] + 0.05 * u[0]]), Layout.of(q="m^3/h"),
+...     Layout.of(press="bar"), parameters=Parameters.of(a=(2.0, "bar")))
+>>> u = np.full((1, 1), 0.01)
+>>> pump.outputs.units, pump.simulate(np.zeros(0), u, np.ones(1), pump.parameters.values)[1]
+(('Pa',), array([[380000.]]))
 """
 
 from __future__ import annotations
@@ -32,6 +40,7 @@ from evertwin.models.contract import KernelModel, Model
 from evertwin.models.kernel import Kernel
 from evertwin.models.parameters import Parameters
 from evertwin.signals.channels import Layout
+from evertwin.signals.units import compatible, to_si
 from evertwin.types import Float64, Inputs, Intervals, ParameterVector, Rollout, StateVector, Vector
 
 log = logging.getLogger("evertwin")
@@ -66,8 +75,17 @@ class FunctionModel:
                 f"start: expected one entry for each state ({', '.join(self.states.names)}), a "
                 f"number or the name of a parameter, got {len(self.start)}: {self.start!r}"
             )
-        for name in self.initials:
-            self.parameters.index(name)
+        for side in ("inputs", "outputs", "states"):
+            object.__setattr__(self, side, getattr(self, side).in_si())
+        for state, name in zip(self.states, self.start, strict=False):
+            if not isinstance(name, str):
+                continue
+            unit = self.parameters[name].unit
+            if not compatible(unit, state.unit) and (unit != "1" or state.stated):
+                raise UsageError(
+                    f"start: the state {state.name} is in '{state.stated or state.unit}', and the "
+                    f"parameter {name} in '{unit}': state one unit for both"
+                )
 
     @property
     def initials(self) -> tuple[str, ...]:
@@ -77,8 +95,13 @@ class FunctionModel:
     def initial(self, p: ParameterVector) -> StateVector:
         """The state before the first row, (nx,)."""
         start = self.start or (0.0,) * len(self.states)
-        at = self.parameters.index
-        return np.array([p[at(v)] if isinstance(v, str) else v for v in start], dtype=np.float64)
+        told = [0.0 if isinstance(v, str) else v for v in start]
+        x = np.array(self.states.from_stated(told), dtype=np.float64)
+        for k, name in enumerate(start):
+            if isinstance(name, str):
+                at = self.parameters.index(name)
+                x[k] = to_si(p[at], self.parameters.items[at].unit)
+        return x
 
     @cached_property
     def _adopts(self) -> tuple[tuple[int, int], ...]:
@@ -99,12 +122,12 @@ class FunctionModel:
         return state, out
 
     def row(self, x: StateVector, u: Vector, dt: float, p: ParameterVector) -> tuple[Any, Any]:
-        """State after one row, and its outputs, as the function gives them.
+        """State after one row, and its outputs.
 
         Raises:
             ModelError: the function gave another number of states or outputs than declared.
         """
-        given: Any = self.step(x, u, dt, p)
+        given: Any = self.step(self.states.to_stated(x), self.inputs.to_stated(u), dt, p)
         if not isinstance(given, tuple | list) or len(given) != 2:
             raise ModelError(
                 f"step: expected two lists, the states ahead and the outputs, got {given!r:.60}"
@@ -115,7 +138,7 @@ class FunctionModel:
                 f"step: expected {len(self.states)} states and {len(self.outputs)} outputs, "
                 f"got {len(ahead)} and {len(y)}"
             )
-        return ahead, y
+        return self.states.from_stated(ahead), self.outputs.from_stated(y)
 
     def observe(self, x: StateVector, y: Float64[np.ndarray, " ny"]) -> StateVector:
         """The state that agrees with the outputs in ``y`` that are not NaN."""

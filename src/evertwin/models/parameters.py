@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from evertwin.errors import UsageError
-from evertwin.settings.quantity import Measured, in_unit
+from evertwin.settings.quantity import Measured, own
 from evertwin.signals.channels import position
 from evertwin.signals.units import conversion
 from evertwin.types import ParameterVector
@@ -32,7 +32,7 @@ class Parameter:
     name: str
     value: float
     unit: str
-    """SI unit; '1' for a pure number."""
+    """Unit of all its numbers; '1' for a pure number. SI but in a function of the user's own."""
     low: float = -math.inf
     high: float = math.inf
     sigma: float = math.inf
@@ -46,10 +46,11 @@ class Parameter:
 
     def __post_init__(self) -> None:
         conversion(self.unit)
-        for name in ("value", "low", "high"):
+        for name in ("value", "low", "high", "sigma"):
             given = getattr(self, name)
             if isinstance(given, Measured):
-                object.__setattr__(self, name, in_unit(self.name, given, self.unit))
+                told = own(self.name, given, self.unit, difference=name == "sigma")
+                object.__setattr__(self, name, told)
         if not self.low <= self.value <= self.high:
             raise UsageError(
                 f"{self.name}: expected a value in [{self.low}, {self.high}] {self.unit}, "

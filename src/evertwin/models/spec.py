@@ -26,7 +26,8 @@ class ParameterSpec(Section):
     value: Amount | None = None
     """Start value."""
     unit: str | None = None
-    """Unit of the bare numbers of this table; absent: SI."""
+    """Unit of the bare numbers of this table; absent: the parameter's, which is SI but in a
+    Python model of your own."""
     low: Amount | None = None
     """Lower bound."""
     high: Amount | None = None
@@ -81,7 +82,7 @@ class ChangeSpec(Section):
     factor: Finite | None = None
     """Times the value of today."""
     add: Finite | None = None
-    """More than today, SI."""
+    """More than today, in the parameter's unit."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

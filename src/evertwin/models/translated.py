@@ -44,6 +44,8 @@ from evertwin.errors import UsageError, naming
 from evertwin.models.function import FunctionModel
 from evertwin.models.kernel import Kernel, Restart
 from evertwin.models.rollout import roll
+from evertwin.signals.channels import Layout
+from evertwin.signals.units import conversion
 from evertwin.types import Inputs, Intervals, ParameterVector, Rollout, StateVector
 
 log = logging.getLogger("evertwin")
@@ -68,10 +70,9 @@ class Translated(FunctionModel):
 
     @cached_property
     def _kernel(self) -> Kernel:
-        sizes = len(self.states), len(self.inputs), len(self.parameters), len(self.outputs)
         assert isinstance(self.step, FunctionType)
         step = _written(
-            self.step, _step_source(*sizes), "compiled_step", {"model": _prepared(self.step)}
+            self.step, _step_source(self), "compiled_step", {"model": _prepared(self.step)}
         )
         adopt = _written(self.step, _observe_source(self._adopts), "compiled_observe", {})
         calls = CFunction(step, STEP, OPTIONS), CFunction(adopt, OBSERVE, {})
@@ -209,20 +210,25 @@ def _compiled(tree: ast.Module, of: FunctionType, space: dict[str, Any], name: s
     return made
 
 
-def _step_source(nx: int, nu: int, n_p: int, ny: int) -> str:
-    """The compiled signature around ``model``."""
+def _step_source(model: FunctionModel) -> str:
+    """The compiled signature around ``model``, which computes in the units that it states."""
+    nx, ny, n_p = len(model.states), len(model.outputs), len(model.parameters)
     values = [f"ahead[{i}]" for i in range(nx)] + [f"y[{i}]" for i in range(ny)]
     given = [f"new[{i}]" for i in range(nx)] + [f"out[{i}]" for i in range(ny)]
+    si = [_unless_si(model.states, i, "{0} * {1} + {2}", one) for i, one in enumerate(given[:nx])]
+    si += [_unless_si(model.outputs, i, "{0} * {1} + {2}", one) for i, one in enumerate(given[nx:])]
     finite = " and ".join(f"math.isfinite({value})" for value in given) or "True"
-    lines = [f"        {value} = {one}" for value, one in zip(values, given, strict=True)]
+    lines = [f"        {value} = {one}" for value, one in zip(values, si, strict=True)]
+    stated = "({0} - {2}) / {1}"
+    taken = {
+        "x": [_unless_si(model.states, i, stated, f"x[{i}]") for i in range(nx)],
+        "u": [_unless_si(model.inputs, i, stated, f"u[{i}]") for i in range(len(model.inputs))],
+        "p": [f"p[{i}]" for i in range(n_p)],
+    }
     return "\n".join([
         "def compiled_step(context, x, u, dt, p, ahead, y):",
-        f"    x_ = np.array([{', '.join(f'x[{i}]' for i in range(nx))}], dtype=np.float64)"
-        if nx else "    x_ = np.empty(0)",
-        f"    u_ = np.array([{', '.join(f'u[{i}]' for i in range(nu))}], dtype=np.float64)"
-        if nu else "    u_ = np.empty(0)",
-        f"    p_ = np.array([{', '.join(f'p[{i}]' for i in range(n_p))}], dtype=np.float64)"
-        if n_p else "    p_ = np.empty(0)",
+        *[f"    {name}_ = np.array([{', '.join(of)}], dtype=np.float64)" if of
+          else f"    {name}_ = np.empty(0)" for name, of in taken.items()],
         "    failed = 1",
         "    try:",
         "        new, out = model(x_, u_, dt, p_)",
@@ -235,6 +241,12 @@ def _step_source(nx: int, nu: int, n_p: int, ny: int) -> str:
     ])  # fmt: skip
 
 
+def _unless_si(layout: Layout, k: int, form: str, value: str) -> str:
+    """The formula between SI and the unit that is stated; the value alone where that is SI."""
+    stated = layout.channels[k].stated
+    return form.format(value, *conversion(stated)) if stated else value
+
+
 def _observe_source(adopts: tuple[tuple[int, int], ...]) -> str:
     lines = [f"    if y[{o}] == y[{o}]:\n        x[{i}] = y[{o}]" for o, i in adopts]
     return "\n".join(["def compiled_observe(context, x, y):", *lines, "    return 0"])
@@ -243,11 +255,11 @@ def _observe_source(adopts: tuple[tuple[int, int], ...]) -> str:
 def _agree(slow: FunctionModel, fast: Translated) -> bool:
     """Do both forms give the same on trial rows, near the start and far from it?"""
     p, rng = slow.parameters.values, np.random.default_rng(0)
-    start = slow.initial(p)
+    start = slow.states.to_stated(slow.initial(p))
     for k in range(TRIALS):
         size = 10.0 ** rng.integers(-2, 3) * (k > 0)
-        x = start + size * rng.normal(size=len(start))
-        u = size * rng.normal(size=(1, len(slow.inputs)))
+        x = slow.states.from_stated(start + size * rng.normal(size=len(start)))
+        u = slow.inputs.from_stated(size * rng.normal(size=(1, len(slow.inputs))))
         dt, q = np.array([10.0 ** rng.integers(-2, 1)]), p * (1.0 + 0.1 * rng.normal(size=len(p)))
         a, b = (_row(model, x, u, dt, q) for model in (slow, fast))
         if not np.allclose(a, b, rtol=CLOSE, atol=CLOSE * size, equal_nan=True):

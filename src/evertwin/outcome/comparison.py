@@ -55,8 +55,9 @@ class Comparison:
         a, b = self.versions
         lines = [f"version {a.number} and version {b.number} over {self.rows} rows"]
         for first, second in zip(*self.deviations, strict=True):
+            (before, unit), (after, _) = first.told, second.told
             lines.append(
-                f"  {first.name:<10} rms {first.rms:.4g} -> {second.rms:.4g} {first.unit}   "
+                f"  {first.name:<10} rms {before:.4g} -> {after:.4g} {unit}   "
                 f"relative {100 * first.relative_rms:.2f} -> {100 * second.relative_rms:.2f} %"
             )
         lines.append(f"  version {b.number} is nearer at {100 * self.better:.1f} % of the rows")

@@ -32,6 +32,7 @@ from evertwin.ledger.ledger import Ledger
 from evertwin.outcome.intervals import Coverage, Interval, Rate
 from evertwin.outcome.result import OutputFigures, RunResult
 from evertwin.setup.setup import Setup
+from evertwin.signals.spoken import suited
 from evertwin.types import Float64, Json, Vector
 
 SIGNS = ("suspected", "drift", "changed")
@@ -126,7 +127,8 @@ class Kpi:
             whole = _percent(f.relative_rms_before, f.relative_rms_after)
             moving = _percent(f.relative_rms_moving_before, f.relative_rms_moving_after)
             size = "range" if f.unit == "K" else "rms"
-            rms = f"{f.rms_before:.3g} -> {f.rms_after:.3g} {f.unit}"
+            unit, factor = suited(max(f.rms_before, f.rms_after), f.unit, f.recorded)
+            rms = f"{f.rms_before * factor:.3g} -> {f.rms_after * factor:.3g} {unit}"
             text.append(f"{name:<13} off by {rms}: {whole} of its {size}, moving {moving}")
         text += [f"{name:<13} inside the 95 % band{_ahead(c)}: {c}"
                  for name, c in self.coverage.items()]  # fmt: skip
@@ -276,6 +278,8 @@ def _notes(setup: Setup, found: Kpi, result: RunResult, changed: float | None) -
         str(result.trial): result.trial is not None,
         f"way and coverage are of {len(rows)} of the rows": len(rows) < result.samples,
         f"coverage is of bands one sample ahead; {reach:.3g} s ahead the twin is off as told": far,
+        "a band is as wide as what its output was off by just before: rows inside tell that this"
+        " goes on, not that the twin is right": bool(found.coverage),
         f"coverage of {', '.join(lacks)}: no row has a measurement and a band": bool(lacks),
     }
     return tuple(text for text, holds in said.items() if holds)

@@ -122,6 +122,8 @@ class RunResult:
     """Row of the run that it went on from, after it was cut off or at its end."""
     trial: OpenTrial | None = None
     """The challenger that was on trial at the end."""
+    local: bool = False
+    """Are its dates those of a recording that names no zone?"""
     headline: str = ""
     """What came of it, as one would tell a colleague."""
     relative: bool = True
@@ -295,7 +297,8 @@ class RunResult:
     def _when(self, event: Event) -> str:
         """Since the first row; date and time where the recording has them."""
         if event.time > DATED:
-            return f"{datetime.fromtimestamp(event.time // 10**9, UTC):%Y-%m-%d %H:%M:%SZ}"
+            zone = "" if self.local else "Z"
+            return f"{datetime.fromtimestamp(event.time // 10**9, UTC):%Y-%m-%d %H:%M:%S}{zone}"
         start = int(self.trace["t"][0]) if len(self.trace.get("t", ())) else event.time
         return f"{1e-9 * (event.time - start):.4g} s"
 

@@ -101,7 +101,7 @@ def _named(asked: Likes, file: Path) -> Indicator:
         stored = begin.read(len(_STORE)) == _STORE
     if stored:
         with closing(SqliteStore(file, read_only=True)) as store:
-            kept, table = history(store, asked.clock), None
+            kept, table = history(store, asked.clock, asked.parameters), None
     else:
         kept, table = History((), asked.clock, ()), read_table(file)
     known = series_of(asked.rule, kept, table, file.parent, asked.parts)

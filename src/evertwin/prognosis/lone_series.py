@@ -206,11 +206,27 @@ def wear_in(file: Path) -> Wear | None:
         return None
     if not columns or table.rows < 2 or not step >= SELDOM:
         return None
-    value = table.column(columns[0])
-    value = value[np.isfinite(value)]
-    third = max(len(value) // 3, 1)
-    falls = len(value) > 0 and float(np.median(value[-third:])) < float(np.median(value[:third]))
-    return Wear(clock, columns, table.rows, falls)
+    ways = [_way(table.column(name)) for name in columns]
+    worn = Wear(clock, columns, table.rows, ways[0] < 0)
+    if worn.alone:
+        return worn
+    going = [k for k, way in enumerate(ways) if abs(way) > 1]  # wear goes one way
+    if not going:
+        return None
+    k = going[0]
+    return Wear(clock, (columns[k], *columns[:k], *columns[k + 1 :]), table.rows, ways[k] < 0)
+
+
+def _way(values: Vector) -> int:
+    """1: rises on the whole, 2: so that its last third lies above its first; less than 0: falls."""
+    known = values[np.isfinite(values)]
+    third = max(len(known) // 3, 1)
+    first, last = known[:third], known[-third:]
+    if not len(known) or np.median(last) == np.median(first):
+        return 0
+    sign = 1 if np.median(last) > np.median(first) else -1
+    low, high = (first, last) if sign > 0 else (last, first)
+    return sign * (2 if np.quantile(high, 0.1) > np.quantile(low, 0.9) else 1)
 
 
 def _limit(said: float | str, table: Table, column: str, *, below: bool) -> float:

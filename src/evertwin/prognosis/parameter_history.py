@@ -22,7 +22,9 @@ import numpy as np
 
 from evertwin.errors import ConfigError
 from evertwin.fold import Answer, Event
+from evertwin.models import Parameters
 from evertwin.prognosis.laws.calendar import FIRST, LAST, UNITS, Calendar
+from evertwin.signals.units import conversion
 from evertwin.store import Estimate, Store
 from evertwin.types import Vector
 
@@ -233,14 +235,23 @@ class History:
         return np.array([known[x] for x in at.tolist()], dtype=np.float64)
 
 
-def history(store: Store, clock: str) -> History:
-    """What the store has kept, on ``clock`` (run, cycle, s, h or d)."""
+def history(store: Store, clock: str, parameters: Parameters | None = None) -> History:
+    """What the store has kept, on ``clock`` (run, cycle, s, h or d); values in SI.
+
+    ``parameters``: of the model, for the units of those that it does not keep in SI.
+    """
     fits = [r for r in store.read("estimate") if isinstance(r, Estimate)]
     deviations = _deviations(store)
     groups = _groups(fits)
+    units = {item.name: conversion(item.unit) for item in parameters or ()}
     at = _clock([group[0] for group in groups], clock)
     moments = tuple(
-        Moment(moment, _found(group), deviations.get(_key(group[0]), {}), group[0].elapsed * 1e-9)
+        Moment(
+            moment,
+            _found(group, units),
+            deviations.get(_key(group[0]), {}),
+            group[0].elapsed * 1e-9,
+        )
         for moment, group in zip(at, groups, strict=True)
     )
     said = labels([e for e in store.read("event") if isinstance(e, Event)], clock)
@@ -273,13 +284,17 @@ def _groups(fits: Iterable[Estimate]) -> list[list[Estimate]]:
     return groups
 
 
-def _found(group: Sequence[Estimate]) -> dict[str, tuple[float, float]]:
+def _found(
+    group: Sequence[Estimate], units: Mapping[str, tuple[float, float]]
+) -> dict[str, tuple[float, float]]:
     found = {}
     for one in group:
         if one.verdict == "not":
             continue  # its value is what was assumed before
         half = (one.high - one.low) / (2 * 1.96)
-        found[one.name] = (one.value, half if np.isfinite(half) and half > 0 else np.nan)
+        factor, zero = units.get(one.name, (1.0, 0.0))
+        sigma = half * factor if np.isfinite(half) and half > 0 else np.nan
+        found[one.name] = (one.value * factor + zero, sigma)
     return found
 
 

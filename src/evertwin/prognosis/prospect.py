@@ -46,7 +46,7 @@ from evertwin.prognosis.parameter_history import History, history
 from evertwin.prognosis.steps import check_steps
 from evertwin.prognosis.workplan import Plan, past_cycles, plan_of, wears, workload
 from evertwin.rows.feed import Data
-from evertwin.signals.units import to_si
+from evertwin.signals.units import from_si, to_si
 from evertwin.sources.small_table import Table
 
 UNKEPT = (
@@ -84,7 +84,7 @@ class Prospect:
     @cached_property
     def history(self) -> History:
         """The store's."""
-        return history(self.basis.store, self.rule.clock)
+        return history(self.basis.store, self.rule.clock, self.basis.model.parameters)
 
     @property
     def parts(self) -> tuple[str, ...]:
@@ -139,9 +139,11 @@ class Prospect:
         if rule.accuracy is None or rule.limit is not None or rule.parameter is None:
             return None
         first = [to_si(x, rule.unit) if rule.unit else x for x in known.value[:1].tolist()]
-        new = first[0] if first else self.basis.setup.model.parameters[rule.parameter].value
+        item = self.basis.setup.model.parameters[rule.parameter]
+        new = from_si(first[0], item.unit) if first else item.value
         case = self.today.case
-        return accuracy_limit(case.model, case.p, case.future, rule, new)
+        felt = accuracy_limit(case.model, case.p, case.future, rule, new)
+        return None if felt is None else float(to_si(felt, item.unit))
 
     def fleet(self, rule: IndicatorSpec, limit: Limit) -> Fleet | None:
         """What like machines tell of an indicator; None without any."""

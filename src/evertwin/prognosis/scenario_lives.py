@@ -16,7 +16,7 @@ from evertwin.prognosis.laws.calendar import UNITS
 from evertwin.prognosis.lives import ComponentLife
 from evertwin.prognosis.prospect import Prospect
 from evertwin.prognosis.workplan import Plan, past_cycles, plan_of, workload
-from evertwin.signals.units import to_si
+from evertwin.signals.units import from_si, to_si
 from evertwin.types import Json
 
 
@@ -64,8 +64,8 @@ def _worn(
             continue
         item = case.model.parameters[name]
         quantiles = [one.course.value(after, p) for p in (0.025, 0.5, 0.975)]
-        if one.rule.unit:  # a parameter is in SI
-            quantiles = [to_si(x, one.rule.unit) for x in quantiles]
+        if one.rule.unit:  # the course is in it, a parameter in its own
+            quantiles = [from_si(to_si(x, one.rule.unit), item.unit) for x in quantiles]
         ends, middle = sorted(quantiles[::2]), quantiles[1]
         found[name] = {
             "from": float(case.p[case.model.parameters.index(name)]),

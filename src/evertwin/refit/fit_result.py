@@ -194,7 +194,7 @@ class FitResult:
         for file, found in (*shown, ("all tests", self.test)) if self.test else shown:
             lines.append(f"{file}:")
             lines += [
-                f"  {d.name:<10} rms {number(d.rms, d.unit)} {percent(d.relative_rms):>9}   moving "
+                f"  {d.name:<10} rms {number(*d.told)} {percent(d.relative_rms):>9}   moving "
                 f"{percent(d.relative_rms_moving):>9} of {d.moving} rows"
                 for d in found
                 # a virtual sensor has no measurement to differ from

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
 
 from evertwin.config import place
 from evertwin.config.spec import TwinSpec
@@ -11,7 +14,7 @@ from evertwin.models import Model
 from evertwin.settings.notes import Path
 from evertwin.settings.quantity import Measured, written
 from evertwin.signals import Channel, Layout
-from evertwin.signals.units import compatible, conversion_of, lacks_angle
+from evertwin.signals.units import compatible, conversion_of, lacks_angle, to_si
 from evertwin.sources.spec import ChannelSpec
 
 
@@ -96,6 +99,27 @@ def unit_recorded(spec: TwinSpec, name: str) -> str:
     return units.pop() if len(units) == 1 else ""
 
 
+def unit_told(spec: TwinSpec, channel: Channel) -> str:
+    """The unit that people are told a channel in: that of the recording, else of the model."""
+    return unit_recorded(spec, channel.name) or channel.stated
+
+
+def by_name(spec: TwinSpec, model: Model, columns: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Columns by name in SI: each is in the unit that the model states for its channel.
+
+    >>> from evertwin.config.spec import ModelSpec
+    >>> from evertwin.machines.mobile import Robot1D
+    >>> by_name(TwinSpec("cart", ModelSpec("robot1d")), Robot1D(), {"v": [0.5]})
+    {'v': [0.5]}
+    """
+    channels = (*model.inputs, *model.outputs)
+    units = {recorded_as(spec, one.name): one.stated for one in channels if one.stated}
+    return {
+        name: to_si(np.asarray(values, dtype=np.float64), units[name]) if name in units else values
+        for name, values in columns.items()
+    }
+
+
 def size_recorded(spec: TwinSpec, name: str) -> float:
     """What 1 in the recording of a channel of the model is [SI], by its unit and scale; 1 where
     the twin file says neither.
@@ -173,7 +197,7 @@ def check_units(spec: TwinSpec, model: Model) -> None:
                 where = place(spec, ("source", k, "channels", name, "unit"))
                 raise ConfigError(
                     f"{where}: source {source.name!r}: channel {name!r} is in '{told.unit}', and "
-                    f"the model's {channel.name!r} in '{channel.unit}': {step}"
+                    f"the model's {channel.name!r} in '{channel.stated or channel.unit}': {step}"
                 )
 
 
@@ -182,13 +206,17 @@ def _step(told: ChannelSpec, channel: Channel) -> str:
     if lacks_angle(told.unit, channel.unit):
         per = told.unit[1:] if told.unit.startswith("1/") else f"*({told.unit})"
         return f"it may count turns or radians: write 'turn{per}' (rpm is turn/min) or 'rad{per}'"
-    if compatible(told.unit, channel.unit) or "1" in (told.unit, channel.unit):
+    unit = channel.stated or channel.unit
+    if lacks_angle(channel.stated or "1", told.unit):
+        return "the model may count turns or radians: state 'rpm' or 'rad/s' in it"
+    plain = not channel.stated and "1" in (told.unit, channel.unit)
+    if plain or compatible(told.unit, channel.unit):
         return ""
     if told.scale == 1.0:
         return f"correct the unit, or say [signals.{channel.name}] from = …"
     return (
-        f"the unit is that of the file's value times scale: write unit = '{channel.unit}', and as "
-        f"scale how many {channel.unit} one of the file's is"
+        f"the unit is that of the file's value times scale: write unit = '{unit}', and as "
+        f"scale how many {unit} one of the file's is"
     )
 
 
@@ -200,10 +228,11 @@ def check_quantities(spec: TwinSpec, model: Model) -> None:
     """
     for path, value, unit in _quantities(spec, model):
         if isinstance(value, Measured) and not compatible(written(value.written)[1], unit):
+            said = "SI" if conversion_of(unit) == (1.0, 0.0) else f"in '{unit}'"
             expected = "a pure number" if unit == "1" else f"a quantity in '{unit}' or alike"
             raise ConfigError(
                 f"{place(spec, path)}: expected {expected}, got '{value.written}': correct the "
-                "unit, or write a bare number, which is SI"
+                f"unit, or write a bare number, which is {said}"
             )
 
 

@@ -20,6 +20,7 @@ from evertwin.errors import DataError, UsageError
 from evertwin.fold import Block, Chunk, Event, concatenate, take
 from evertwin.models import Model
 from evertwin.rows.alignment import Alignment
+from evertwin.rows.channels import by_name
 from evertwin.rows.crop import cropped
 from evertwin.sources.merging import Excerpt, each_once, merge
 from evertwin.sources.recorded import Recorded
@@ -181,7 +182,7 @@ class Feed:
         """
         columns = _named(data)
         if columns is not None:
-            yield chunk_of(columns)
+            yield chunk_of(by_name(self.spec, self.model, columns))
             return
         parts = _parts(data)
         if all(part.whole for part in parts):

@@ -114,6 +114,26 @@ def in_unit(what: str, value: float | str, unit: str) -> float:
         return number(value, unit)
 
 
+def own(what: str, value: float, unit: str, *, difference: bool = False) -> float:
+    """A number in ``unit`` itself, not in SI: converted where it was written with a unit.
+
+    Raises:
+        UsageError: it measures something else.
+
+    >>> own("a", Measured(20_000.0, "200 mbar"), "bar"), own("a", 0.2, "bar")
+    (0.2, 0.2)
+    """
+    if not isinstance(value, Measured):
+        return value
+    size, used = written(value.written)
+    if used == unit:
+        return size
+    with naming(what, (UsageError, TypeError, ValueError)):
+        si = number(value, unit, difference=difference)
+    factor, offset = conversion(unit)
+    return _written_digits(si, 1.0 / factor, 0.0 if difference else -offset / factor)
+
+
 def _written_digits(size: float, factor: float, offset: float) -> float:
     """5 cm is 0.05 m, not 0.050000000000000003: take the short number where both mean the same."""
     si = size * factor + offset

@@ -14,8 +14,10 @@ from evertwin.machines.catalog import located, machine
 from evertwin.models import Model, Parameter, Parameters
 from evertwin.models.configured import configured
 from evertwin.rows.channels import check_quantities
+from evertwin.settings.quantity import Measured, own
 from evertwin.setup.friction_law import check_ladder
 from evertwin.signals import Layout
+from evertwin.signals.units import conversion, si_unit, to_si
 
 
 def model_of(spec: TwinSpec, given: Model | None = None) -> Model:
@@ -27,6 +29,12 @@ def model_of(spec: TwinSpec, given: Model | None = None) -> Model:
             its law does not have.
     """
     model = given or _built(spec)
+    for one in (*model.inputs, *model.outputs, *model.states):
+        if conversion(one.unit) != (1.0, 0.0):
+            raise UsageError(
+                f"model: {one.name} is in '{one.unit}', and only a FunctionModel may compute in "
+                f"other units than SI: state '{si_unit(one.unit)}'"
+            )
     check_ladder(spec, model)
     check_quantities(spec, model)
     for name in spec.signals:
@@ -36,6 +44,23 @@ def model_of(spec: TwinSpec, given: Model | None = None) -> Model:
         model, parameters=_parameters(spec, model), inputs=_limited(spec, model.inputs),
         outputs=_limited(spec, model.outputs),
     )  # fmt: skip
+
+
+def with_units(spec: TwinSpec, model: Model) -> TwinSpec:
+    """The settings, with the unit of a parameter for the indicators that tell of it without one.
+
+    Only a unit that is not SI has to be said: values are kept and compared in SI.
+    """
+    units = {one.name: one.unit for one in model.parameters if conversion(one.unit) != (1.0, 0.0)}
+    rules = []
+    for rule in spec.indicator:
+        unit = units.get(rule.parameter or "", "")
+        if unit and not rule.unit:
+            bare = rule.limit is not None and not isinstance(rule.limit, Measured)
+            limit = to_si(rule.limit, unit) if bare else rule.limit
+            rule = replace(rule, unit=unit, limit=limit)
+        rules.append(rule)
+    return replace(spec, indicator=tuple(rules)) if units and rules else spec
 
 
 def _built(spec: TwinSpec) -> Model:
@@ -70,6 +95,11 @@ def _parameters(spec: TwinSpec, model: Model) -> Parameters:
 
 def _changed(item: Parameter, changes: dict[str, Any]) -> Parameter:
     """A start value beyond the model's own bounds moves the bound that the file leaves open."""
+    changes = {
+        key: said if isinstance(said, str | bool)
+        else own(item.name, said, item.unit, difference=key == "sigma")
+        for key, said in changes.items()
+    }  # fmt: skip
     value = changes.get("value", item.value)
     if "low" not in changes and value < item.low:
         raise UsageError(f"{item.name}: start value {value:g} is below its bound {item.low:g}")

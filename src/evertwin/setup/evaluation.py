@@ -17,6 +17,7 @@ from evertwin.models import Model, Restart, observed, remembers
 from evertwin.models.batch import Batch, mapped
 from evertwin.setup.setup import Setup
 from evertwin.signals.sizes import size
+from evertwin.signals.spoken import in_recorded
 from evertwin.sync.horizon import residuals, restarts
 from evertwin.tuning import Fit, Problem
 from evertwin.tuning.before import begins
@@ -88,6 +89,14 @@ class Deviation:
     moving: int
     """Moving rows."""
     rows: int
+    recorded: str = ""
+    """The unit that people are told it in."""
+
+    @property
+    def told(self) -> tuple[float, str]:
+        """The rms as people are told it, and its unit."""
+        unit, factor = in_recorded(self.unit, self.recorded)
+        return self.rms * factor, unit
 
     def to_dict(self) -> dict[str, Json]:
         """Plain content."""
@@ -120,6 +129,7 @@ def deviations(setup: Setup, predictions: Sequence[Prediction]) -> tuple[Deviati
                 _rms(residual[moves, k]) / size(measured[moves, k], bool(warm[k])),
                 int(moves.sum()),
                 int(known.sum()),
+                setup.recorded[k],
             )
         )
     return tuple(found)

@@ -17,7 +17,7 @@ from evertwin.fold import Beat
 from evertwin.fold.span import Span
 from evertwin.models import LinearModel, Model
 from evertwin.rows.alignment import low_pass
-from evertwin.rows.channels import is_measured, measured, motions, unit_recorded
+from evertwin.rows.channels import is_measured, measured, motions, unit_told
 from evertwin.rows.plausibility import arbiter_of
 from evertwin.rows.ring import Ring
 from evertwin.setup.at_horizon import AtHorizon
@@ -290,7 +290,7 @@ class Setup:
     @cached_property
     def recorded(self) -> tuple[str, ...]:
         """The unit of each output in the twin file; empty where it has none."""
-        return tuple(unit_recorded(self.spec, name) for name in self.model.outputs.names)
+        return tuple(unit_told(self.spec, channel) for channel in self.model.outputs)
 
     def sizes(self, y: Outputs) -> PerOutput:
         """What the requirement is a share of, (ny,); 1 where it has a unit."""

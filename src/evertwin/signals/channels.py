@@ -9,14 +9,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from evertwin.errors import UsageError, nearest
-from evertwin.signals.units import conversion
+from evertwin.signals.units import conversion, si_unit
 from evertwin.types import Outputs
 
 
@@ -52,6 +52,8 @@ class Channel:
     """Largest physically possible value."""
     rate: float = math.inf
     """Largest physically possible change per second."""
+    stated: str = ""
+    """The unit in which a function of the user's own has it, where that is not SI."""
 
     def __post_init__(self) -> None:
         conversion(self.unit)
@@ -59,6 +61,22 @@ class Channel:
             object.__setattr__(self, "group", self.name)
         if not self.low < self.high:
             raise UsageError(f"{self.name}: expected low < high, got {self.low} and {self.high}")
+
+    def in_si(self) -> Channel:
+        """The channel in SI, which remembers the unit that was stated.
+
+        >>> pressure = Channel("p", "bar", high=6.0).in_si()
+        >>> pressure.unit, pressure.high, pressure.stated
+        ('Pa', 600000.0, 'bar')
+        """
+        factor, zero = conversion(self.unit)
+        if (factor, zero) == (1.0, 0.0):
+            return self
+        low, high = self.low * factor + zero, self.high * factor + zero
+        return replace(
+            self, unit=si_unit(self.unit), low=low, high=high, rate=self.rate * factor,
+            stated=self.unit,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -111,6 +129,33 @@ class Layout:
     def group_of(self) -> np.ndarray:
         """Number of each channel's group, (k,) int64."""
         return np.array([self.groups.index(c.group) for c in self.channels], dtype=np.int64)
+
+    def in_si(self) -> Layout:
+        """The same channels in SI; each remembers the unit that was stated."""
+        return Layout(tuple(channel.in_si() for channel in self.channels))
+
+    @cached_property
+    def stated(self) -> tuple[np.ndarray, np.ndarray] | None:
+        """Factor and offset of each channel, (k,): SI = factor · stated + offset; None: all SI."""
+        if not any(channel.stated for channel in self.channels):
+            return None
+        pairs = [conversion(channel.stated or channel.unit) for channel in self.channels]
+        return np.array([f for f, _ in pairs]), np.array([zero for _, zero in pairs])
+
+    def to_stated(self, values: Any) -> Any:
+        """Values in SI, (…, k), in the units that were stated.
+
+        >>> Layout.of(p="bar", t="degC").in_si().to_stated(np.array([2e5, 283.15])).tolist()
+        [2.0, 10.0]
+        """
+        return values if self.stated is None else (values - self.stated[1]) / self.stated[0]
+
+    def from_stated(self, values: Any) -> Any:
+        """Values in the units that were stated, (…, k), in SI."""
+        if self.stated is None:
+            return values
+        factor, offset = self.stated
+        return np.multiply(values, factor) + offset
 
     def index(self, name: str) -> int:
         """Column of ``name``.

@@ -98,10 +98,23 @@ def suited(size: float, unit: str, recorded: str = "") -> tuple[str, float]:
     """The unit that suits a size, and what an SI number is multiplied by."""
     if recorded == "rad/s" == unit:  # nobody who records it so thinks in degrees
         return recorded, 1.0
-    if recorded not in ("", "1", unit) and recorded not in _ALIKE:
-        return recorded, 1.0 / conversion_of(recorded)[0]
+    told = in_recorded(unit, recorded)
+    if told[0] != unit:
+        return told
     steps = _SMALLER.get(unit, ((0.0, unit, 1.0),))
     return next(((name, f) for least, name, f in steps if size >= least), (unit, 1.0))
+
+
+def in_recorded(unit: str, recorded: str) -> tuple[str, float]:
+    """The unit that it is recorded in where that says more than SI, and what an SI number is
+    multiplied by.
+
+    >>> in_recorded("Pa", "mbar"), in_recorded("m", "mm")
+    (('mbar', 0.01), ('m', 1.0))
+    """
+    if recorded in ("", "1", unit) or recorded in _ALIKE:
+        return unit, 1.0
+    return recorded, 1.0 / conversion_of(recorded)[0]
 
 
 def as_recorded(unit: str, recorded: str) -> dict[str, str | float] | None:

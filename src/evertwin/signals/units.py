@@ -128,12 +128,20 @@ def conversion_of(unit: str) -> tuple[float, float]:
         return 1.0, 0.0
 
 
+_ENERGY = "kg*m^2/s^2"
+"""A torque too, where its unit is made of a force."""
+_NAMED = {
+    "kg*m/s^2": "N", "kg/m/s^2": "Pa", "kg*m^2/s^3": "W", "kg*m^2/A/s^3": "V",
+    "kg*m^2/A^2/s^3": "ohm",
+}  # fmt: skip
+
+
 @lru_cache(4096)
 def si_unit(unit: str) -> str:
     """The SI unit that values in ``unit`` are stored in. Readable names are kept when they are SI.
 
-    >>> si_unit("deg/s"), si_unit("1"), si_unit("mm")
-    ('rad/s', '1', 'm')
+    >>> si_unit("deg/s"), si_unit("1"), si_unit("mm"), si_unit("bar"), si_unit("kNm")
+    ('rad/s', '1', 'm', 'Pa', 'Nm')
     """
     known = common(unit)
     if known is not None:
@@ -143,7 +151,10 @@ def si_unit(unit: str) -> str:
     if "deg" in unit and compatible(unit, "degC"):
         return "K"
     base = _registry().Quantity(1.0, _parse(unit)).to_base_units().units
-    return f"{base:~C}".replace("**", "^") or "1"
+    name = f"{base:~C}".replace("**", "^") or "1"
+    if name == _ENERGY:
+        return "Nm" if re.search("N|lbf|kgf", unit) else "J"
+    return _NAMED.get(name, name)
 
 
 def compatible(a: str, b: str) -> bool:

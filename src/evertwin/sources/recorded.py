@@ -261,6 +261,8 @@ class Recorded:
             if time is not None and not top.unit:
                 top.looks = guess(time.name, rows.time[:1000], time.unit)
                 top.unit = _unit(table, time, rows, self.clock.unit)
+                dates = top.unit in ORDERS and rows.time.dtype.kind == "S"
+                self.tally.local |= dates and zones(rows.time) == {False}
             t = self._stamps(table, time, rows, top)
             top.t = top.t if len(top.t) else t[:1000]
             yield rows.line, t, rows.values

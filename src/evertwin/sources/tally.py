@@ -61,6 +61,8 @@ class Tally:
     first: dict[str, list[Problem]] = field(default_factory=dict)
     cells: dict[str, int] = field(default_factory=dict)
     """Empty cells of each channel."""
+    local: bool = False
+    """Are its dates without a zone, those of a clock on a wall?"""
     suspicions: list[str] = field(default_factory=list)
     """What is probably wrong, such as the unit of time, with the factor."""
 

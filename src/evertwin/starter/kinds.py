@@ -7,6 +7,7 @@ whose channels a person names.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -18,11 +19,22 @@ from evertwin.starter.mapping import mapped
 from evertwin.starter.named import unit_of
 from evertwin.starter.proposal import Match, Proposal
 from evertwin.starter.seen import Seen
-from evertwin.starter.words import AMBIENT, HEATER, is_temperature, quantity, role, same_kind, words
+from evertwin.starter.words import (
+    AMBIENT,
+    HEATER,
+    QUANTITIES,
+    is_temperature,
+    quantity,
+    role,
+    same_kind,
+    words,
+)
 
 PUMP = "pump"
 """A static map from speed and flow to pressure, written as a model of one's own."""
 _FLOW, _PRESSURE, _SPEED = "m^3/s", "Pa", "rad/s"
+_SPEED_LOOP = re.compile(r"(?<![A-Za-z])S(?:IC[-_ ]?|[CT][-_ ]?\d|IT[-_ ]?)\d")
+"""A tag that begins with the letter of speed (ISA-5.1)."""
 _AXES = 3
 """More axes than these are an arm's, of which a description is needed."""
 
@@ -39,7 +51,8 @@ def kind_of(seen: Sequence[Seen]) -> str:
     heats = [c for c in columns if not HEATER.isdisjoint(words(c.name)) and c not in warm]
     ambient = [c for c in warm if not AMBIENT.isdisjoint(words(c.name))]
     shares = [c for c in columns if c.unit in ("%", "W", "kW") and c not in warm]
-    if (warm and heats) or (ambient and len(warm) > 1 and len(shares) == 1):
+    alone = len(columns) == len(warm) + 1  # what else moves would be left out of its heat
+    if (warm and heats) or (ambient and len(warm) > 1 and len(shares) == 1 and alone):
         return "thermal"
     axes = by_axis(seen)
     if len(axes) <= _AXES and all(_is_driven(part) for _, part in axes):
@@ -118,9 +131,22 @@ def pump(seen: Sequence[Seen]) -> tuple[Match, ...]:
             if role(words(c.name)) != "command" and same_kind(c.unit, unit)
             and (name != "speed" or "rpm" in (c.unit, *words(c.name)) or "speed" in words(c.name))
         ]  # fmt: skip
+        shares = (
+            [] if fits or name != "speed" else [(s, c) for s, c in _varying(seen) if _drives(c)]
+        )
         if len(fits) == 1:
             ((s, column),) = fits
             said, scale, why = unit_of(unit, column)
             why = f"the only one in {said}" if said == column.unit else why
             out.append(Match(name, s, column.name, said, why, scale))
+        elif len(shares) == 1:
+            ((s, column),) = shares
+            out.append(Match(name, s, column.name, "%", "the only speed, a share of its largest"))
     return tuple(out)
+
+
+def _drives(column: ColumnInfo) -> bool:
+    """Is it the speed that a drive is told, as a share?"""
+    speeds = QUANTITIES["velocity"] | {"rpm"}
+    says = not speeds.isdisjoint(words(column.name)) or _SPEED_LOOP.search(column.name) is not None
+    return column.unit == "%" and says

@@ -23,16 +23,24 @@ from evertwin.machines.arm import Arm
 from evertwin.models import Model
 from evertwin.signals import Channel, conversion
 from evertwin.sources.description import ColumnInfo
-from evertwin.sources.names import unit_problem
+from evertwin.sources.names import listed, unit_problem
 from evertwin.starter.arm import of_arm
 from evertwin.starter.base import of_odometry, of_pose, of_wheels
 from evertwin.starter.cause import NAMED, stepped, told
 from evertwin.starter.compass import as_compass
-from evertwin.starter.named import matched, sole, unit_of
+from evertwin.starter.named import matched, short, sole, unit_of
 from evertwin.starter.proposal import ASK, Derivation, Match, Proposal
 from evertwin.starter.relations import wraps
 from evertwin.starter.seen import Seen
-from evertwin.starter.words import AMBIENT, HEATER, is_temperature, role, same_kind, words
+from evertwin.starter.words import (
+    AMBIENT,
+    HEATER,
+    is_temperature,
+    quantity,
+    role,
+    same_kind,
+    words,
+)
 
 
 def mapped(model: Model | None, seen: Sequence[Seen]) -> Proposal:
@@ -42,7 +50,8 @@ def mapped(model: Model | None, seen: Sequence[Seen]) -> Proposal:
         DataError: there are fewer than two columns of numbers for a model of one's own.
     """
     if model is None:
-        return _rest(_first_two(seen), (), (), seen)
+        own = _first_two(seen)
+        return _rest((*own, *_beside(own, seen)), (), (), seen)
     channels = (*model.inputs, *model.outputs)
     if isinstance(model, Arm):
         found = of_arm(channels, model.chain.joints, seen)
@@ -200,26 +209,48 @@ def _first_two(seen: Sequence[Seen]) -> tuple[Match, ...]:
         raise DataError("expected two columns of numbers beside the time: an input and an output")
     columns.sort(key=lambda c: c.low == c.high)  # what is constant can drive nothing
     moving = [c for c in columns if c.low != c.high]
-    rank = {c.name: told(c.name) if c in moving else 0 for c in columns}
+    beside = {c.name: c.unit for c in columns}
+    rank = {c.name: told(c.name, c.unit, beside) if c in moving else 0 for c in columns}
     in_steps = {c.name for c in moving if stepped(seen[source].values(c.name))}
     drives = max(columns, key=lambda c: (c in moving, rank[c.name], c.name in in_steps))
     rest = [c for c in columns if c is not drives]
     answers = min(rest, key=lambda c: (c not in moving, rank[c.name], c.name in in_steps))
+    unmoved = max(rank.values()) <= 0  # a speed of which nobody says by what may drive
     place = any(words(c.name)[:1] == ["x"] for c in moving)  # beside an x, y is one, too
     out = []
     for name, column, sign in (("u", drives, 1), ("y", answers, -1)):
         mine = sign * rank[column.name]
         alike = [c for c in moving if sign * rank[c.name] >= mine]
         says = mine >= NAMED or (mine > 0 and alike == [column])
-        says = says and not (sign < 0 and place)
+        says = says and not (sign < 0 and (place or (unmoved and _moves(column))))
         if says or len(moving) <= 2:
             why = "assumed: by its words" if mine > 0 else "assumed: by its place"
             if mine <= 0 and len(in_steps) == 1 and rank[drives.name] == rank[answers.name]:
                 why = f"assumed: {min(in_steps)} moves in steps, as what is set does"
             out.append(Match(name, source, column.name, _stated(column), why))
         else:
-            which = f"which one {'drives' if name == 'u' else 'answers'}? and its unit"
+            taken = {match.column for match in out}
+            alike = alike if mine > 0 and len(alike) > 1 else moving
+            could = [c.name for c in alike if c.name not in taken]
+            which = f"which one {'drives' if name == 'u' else 'answers'}? {listed(could, 4)}"
             out.append(Match(name, source, ASK, "1", which))
+    return tuple(out)
+
+
+def _moves(column: ColumnInfo) -> bool:
+    return quantity(words(column.name), column.unit) == "velocity"
+
+
+def _beside(main: Sequence[Match], seen: Sequence[Seen]) -> tuple[Match, ...]:
+    """What other tables hold: inputs for a model of one's own, under names of their own."""
+    out, names = list[Match](), {match.channel for match in main}
+    for s, one in enumerate(seen):
+        for column in one.columns if s not in {match.source for match in main} else ():
+            name = short(column.name)
+            if column.low != column.high and name not in names:
+                names.add(name)
+                why = "recorded beside: an input of the model, or take it out"
+                out.append(Match(name, s, column.name, _stated(column), why))
     return tuple(out)
 
 

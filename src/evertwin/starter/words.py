@@ -23,7 +23,8 @@ from evertwin.starter.abroad import english
 QUANTITIES = {
     "acceleration": {"qdd", "ddq", "acc", "accel", "acceleration", "accelerations", "qddot"},
     "velocity": {
-        "qd", "dq", "vel", "velocity", "velocities", "speed", "speeds", "qdot", "omega", "rate",
+        "qd", "dq", "vel", "velocity", "velocities", "speed", "speeds", "spd", "qdot", "omega",
+        "rate",
     },
     "torque": {"tau", "torque", "torques", "effort", "efforts", "moment", "trq", "tq"},
     "current": {"i", "cur", "curr", "current", "currents", "amps", "amp"},
@@ -43,7 +44,8 @@ UNITS = {
 }  # fmt: skip
 
 COMMAND = {
-    "cmd", "command", "commanded", "commands", "set", "setpoint", "desired", "des", "target", "tgt",
+    "cmd", "command", "commanded", "commands", "set", "setpoint", "sp", "desired", "des", "target",
+    "tgt",
     "ref", "reference", "goal", "demand", "qg", "qref",
 }  # fmt: skip
 MEASURED = {
@@ -71,7 +73,7 @@ ENDS = {
     "nm": "Nm", "pct": "%", "percent": "%", "deg c": "degC", "celsius": "degC", "bar": "bar",
     "kpa": "kPa", "mpa": "MPa", "mbar": "mbar", "psi": "psi", "kw": "kW", "kn": "kN",
     "m s": "m/s", "cm s": "cm/s", "mm s": "mm/s", "rad s": "rad/s", "deg s": "deg/s",
-    "m/min": "m/min", "l/min": "l/min", "lpm": "l/min", "m3/h": "m^3/h",
+    "m/min": "m/min", "l/min": "l/min", "lpm": "l/min", "m3/h": "m^3/h", "m3/min": "m^3/min",
     "m3/s": "m^3/s", "l s": "l/s", "km h": "km/h", "kmh": "km/h", "u/min": "rpm", "upm": "rpm",
     "m s2": "m/s^2", "deg f": "degF", "grad c": "degC", "prozent": "%", "grad": "deg",
 }  # fmt: skip
@@ -84,8 +86,16 @@ LETTERS = {
 """A letter that is a unit where the words before it name the quantity that it measures."""
 _PLACES = {"x", "y", "z", "distance", "east", "north", "easting", "northing"}
 _POWERS = {"power", "heater", "heating"}
-_RATES = re.compile(r"(?:^|_)(m|l|u)_(min)$|(?:^|_)(m)_(3)_(h|s)$")
-"""Rates in a heading's last words: a minute is no minimum there, the 3 of a volume no number."""
+_RATES = re.compile(r"(?:^|_)(m|l|u)_(min)$|(?:^|_)[ns]?(m)_(3)_(h|s|min)$")
+"""Rates in a heading's last words: a minute is no minimum there, the 3 of a volume no number; a
+normal or standard volume counts as one."""
+_BEHIND = re.compile(
+    r"\S\s+([kMGmcu]?(?:g|t|Pa|W|N|V|A|J|Hz|Nm|Wh|m|s|K|bar|l)\d?/(?:s|min|h|kg|m\d?|K)|[kM]W|kWh|kg"
+    r"|Hz|rpm|Nm|Pa|mA|kV|kA|kJ|kN|MN|°C|°F)"
+)
+"""Text behind a blank that can be nothing but a unit."""
+_ACTIVE = {"power", "pwr"}
+"""Before these ``act`` is active, not actual."""
 
 
 def said_unit(name: str) -> str:
@@ -93,14 +103,21 @@ def said_unit(name: str) -> str:
 
     >>> said_unit("ax1_deg"), said_unit("chamberDegC"), said_unit("rpm"), said_unit("bar")
     ('deg', 'degC', 'rpm', '')
+    >>> said_unit("FI_NET Nm3/min"), said_unit("LOAD kg"), said_unit("VFD_%")
+    ('m^3/min', 'kg', '%')
     >>> said_unit("flow_m3h"), said_unit("belt_m_min"), said_unit("current_mA"), said_unit("A")
     ('m^3/h', 'm/min', 'mA', '')
     """
+    if name.rstrip().endswith("%"):
+        return "%"
     said = words(name)
+    behind = _BEHIND.fullmatch(name[name.rstrip().rfind(" ") - 1 :].rstrip()) if said else None
     for count in (2, 1):
         end = " ".join(said[-count:])
         if end in ENDS and (len(said) > count or end == "rpm"):
             return ENDS[end]
+    if behind is not None:
+        return behind[1]
     what = _measured(said[:-1])
     return LETTERS.get(said[-1], {}).get(what, "") if said else ""
 
@@ -160,7 +177,8 @@ def role(said: Sequence[str]) -> str:
     desired = any(a in ("q", "dq", "ddq", "tau") and b == "d" for a, b in pairwise(said))
     if desired or not COMMAND.isdisjoint(said):
         return "command"
-    return "" if MEASURED.isdisjoint(said) else "measured"
+    rest = [a for a, b in pairwise([*said, ""]) if a != "act" or b not in _ACTIVE]
+    return "" if MEASURED.isdisjoint(rest) else "measured"
 
 
 def same_kind(a: str, b: str) -> bool:
