@@ -15,7 +15,7 @@ from typing import Any
 from evertwin.fold import Event
 from evertwin.models.form import Version
 from evertwin.outcome.changes import changes
-from evertwin.outcome.jumps import jumps, remembered
+from evertwin.outcome.jumps import forgotten, jumps
 from evertwin.outcome.open_faults import open_faults
 from evertwin.outcome.open_trial import OpenTrial, shorter
 from evertwin.outcome.result import OutputFigures
@@ -68,8 +68,8 @@ def headline(
     quiet = setup.static or doubted or late
     stepped = {} if quiet else jumps(events, units, least)
     if stepped:  # simulated only where it matters
-        stays = remembered(setup.model, setup.model.parameters.values, setup.horizon)
-        stepped = jumps(events, units, least, stays)
+        gone = forgotten(setup.model, setup.model.parameters.values, setup.horizon)
+        stepped = jumps(events, units, least, gone)
     refused = open_faults(events)
     faults = {**stepped, **refused}
     if known:
@@ -159,9 +159,17 @@ def _last(events: Sequence[Event], kind: str) -> list[Event]:
 
 def _of_a_sensor(events: Sequence[Event]) -> str:
     """What was said last of a channel that is not what it was, or is said to be; else nothing."""
-    said = (e for e in reversed(events) if e.kind in ("abnormal", "promoted") or _clears(e))
-    last = next(said, None)
-    return last.reason if last is not None and "number" in last.evidence else ""
+    found = list[Event]()
+    for event in reversed(events):
+        if event.kind == "promoted" or _clears(event):
+            break
+        if event.kind == "abnormal":
+            found.append(event)
+    if not found or "number" not in found[0].evidence:
+        return ""
+    named = dict.fromkeys(e.signal for e in reversed(found) if "number" in e.evidence)
+    others = [signal for signal in named if signal != found[0].signal]
+    return found[0].reason + f"; before, {' and '.join(others)} was named" * bool(others)
 
 
 def _clears(event: Event) -> bool:
