@@ -12,20 +12,29 @@ from evertwin.loop.decision import Decision
 from evertwin.loop.follow import EMPTY, Follow
 from evertwin.loop.looking import returned
 from evertwin.rows.ring import called
+from evertwin.setup.deviation import Sums, judged_deviation
 from evertwin.setup.scores import new_scores
 from evertwin.setup.twin_state import TRIAL, WATCH, TwinState
 from evertwin.trial.gate_loop import OPEN
 
+ALIKE = 0.5
+"""Share of the rows at least whose inputs lie where they lay before."""
+RARE = 0.05
+"""Share of the rows at either end of an input's range that tell nothing of where it lies."""
+
 
 def recovered(decision: Decision, follow: Follow) -> None:
-    """The first champion goes live again where it has become much nearer to the machine than the
-    live version, as after a repair; what is on trial was learned from the machine before it."""
+    """The first champion goes live again where it is within what is asked and has become much
+    nearer to the machine than the live version, as after a repair; what is on trial was learned
+    from the machine before it."""
     state, agenda = decision.state, decision.state.agenda
     found, evidence = follow.recovery.verdict(state.recovery)
     if not found:
         return
-    if not agenda.told or agenda.pinned or agenda.brief >= 0.0:
-        state.recovery.tally[0] = OPEN  # a live version that holds stays: weighed on
+    holds = agenda.told and evidence["deviation_other"] <= _asked(follow, state)
+    may = not agenda.pinned and agenda.brief < 0.0
+    if not (holds and may and _seen(follow, state, evidence["since"])):
+        state.recovery.tally[0] = OPEN  # the live version holds, or neither does: weighed on
         return
     if agenda.phase == TRIAL:
         said = f"version {state.other.version} was learned before the machine went back"
@@ -39,6 +48,33 @@ def recovered(decision: Decision, follow: Follow) -> None:
     decision.state = goes_live(follow, state._replace(other=state.first), old, EMPTY, state.first)
     hold = state.row + follow.setup.holdoff
     decision.remember(phase=WATCH, hold=hold, since=max(agenda.since, since), again=0)
+
+
+def _seen(follow: Follow, state: TwinState, since: int) -> bool:
+    """Do inputs go about as they went while the live version did better? At others it may be that
+    one which is wrong, and the machine not as it was."""
+    ring, learned = follow.setup.ring, follow.versions[state.live.version].row
+    none = np.empty((0, state.ring.u.shape[1]))
+    spans = ((learned, since), (since, state.row))
+    before, now = (
+        np.concatenate([none, *(one.u for one in ring.between(state.ring, *span))])
+        for span in spans
+    )
+    if not (len(before) and len(now)):
+        return False
+    low, high = np.nanquantile(before, (RARE, 1.0 - RARE), axis=0)
+    wide = (high - low) / 2
+    inside = (now >= low - wide) & (now <= high + wide) | np.isnan(now)
+    return bool(np.mean(inside.all(axis=1)) >= ALIKE)
+
+
+def _asked(follow: Follow, state: TwinState) -> float:
+    """Root of the loss of a version that is off by just what is asked."""
+    setup, usual, scale = follow.setup, state.scores.usual, state.scores.scale
+    ones = np.ones(len(scale), dtype=np.int64)
+    size = Sums(scale**2, usual.measured / np.maximum(usual.samples, 1), ones)
+    loss = np.square(setup.requirement / judged_deviation(size, setup.relative, usual))
+    return float(np.sqrt(np.mean(loss[setup.watched & (usual.samples > 0)])))
 
 
 def goes_live(follow: Follow, state: TwinState, number: int, other: Any, first: Any) -> TwinState:

@@ -58,8 +58,9 @@ def since_better(
     """Folds segments into bets on the other version, which begin anew wherever the live one has
     deviated less since they began; the index of the deciding segment, −1: none decides.
 
-    ``losses``: of both versions, and the last row, (m, 3). ``harm`` holds how often they began
-    anew, and the last row of their first segment.
+    Args and sums as in `run`, but: ``losses`` of both versions, and the last row, (m, 3); the last
+    of ``rule`` is how often they have to have begun anew, which ``harm`` counts, before the last
+    row of their first segment.
     """
     for i in range(losses.shape[0]):
         if tally[0] != OPEN:
@@ -74,13 +75,14 @@ def since_better(
         if tally[1] == 0:
             harm[1] = losses[i, 2]
         # by the sum of both: a few large deviations while the machine goes back must not decide
-        place(live / (live + other), other / (live + other), rule[0], lengths, grid, ahead)
+        whole = max(live + other, 1e-300)
+        place(live / whole, other / whole, rule[0], lengths, grid, ahead)
         sums[0] += live
         sums[1] += other
         sums[2] += losses[i, 0]
         sums[3] += losses[i, 1]
         tally[1] += 1
-        enough = tally[1] >= rule[4] and sums[1] <= (1.0 - rule[3]) * sums[0]
+        enough = tally[1] >= rule[4] and harm[0] >= rule[5] and sums[1] <= (1.0 - rule[3]) * sums[0]
         if enough and evidence(ahead) >= rule[1]:
             tally[0] = OTHER
             return i

@@ -13,7 +13,7 @@ version did while it was worn. It is no trial of something new: the version has 
 >>> recovery.step(state, losses[:80]), recovery.step(state, losses[80:]) >= 0
 (-1, True)
 >>> found = recovery.verdict(state)[1]
->>> found["since"], found["segments"] <= 15
+>>> found["since"], found["segments"] < 20
 (800, True)
 """
 
@@ -48,12 +48,14 @@ class Recovery:
     """Gain in deviation since the bets began from which on the machine is as it was."""
     segments: int = 10
     """Segments at least."""
+    before: int = 5
+    """Segments at least on which the live version did better: else it was wrong from the first."""
 
     @cached_property
     def rule(self) -> Vector:
         """The settings as the loop reads them; the bets have no limit."""
         bar = -math.log(self.alpha)
-        return np.array([self.proven, bar, math.inf, self.margin, self.segments, math.inf])
+        return np.array([self.proven, bar, math.inf, self.margin, self.segments, self.before])
 
     def init(self) -> GateState:
         """The state before the first segment."""
