@@ -13,7 +13,7 @@ version did while it was worn. It is no trial of something new: the version has 
 >>> recovery.step(state, losses[:80]), recovery.step(state, losses[80:]) >= 0
 (-1, True)
 >>> found = recovery.verdict(state)[1]
->>> found["since"], found["segments"] < 20
+>>> found["since"], found["segments"] <= 20
 (800, True)
 """
 
