@@ -53,7 +53,8 @@ def recovered(decision: Decision, follow: Follow) -> None:
 def _seen(follow: Follow, state: TwinState, since: int) -> bool:
     """Do inputs go about as they went while the live version did better? At others it may be that
     one which is wrong, and the machine not as it was."""
-    ring, learned = follow.setup.ring, follow.versions[state.live.version].row
+    ring = follow.setup.ring
+    learned = min(follow.versions[state.live.version].row, state.agenda.since)  # from such rows
     none = np.empty((0, state.ring.u.shape[1]))
     spans = ((learned, since), (since, state.row))
     before, now = (
@@ -89,14 +90,16 @@ def goes_live(follow: Follow, state: TwinState, number: int, other: Any, first: 
         first = EMPTY
     elif first.version >= 0:
         first = copy(first)
+    recovery = follow.recovery.init()
     if other is not EMPTY:
         other = other._replace(track=())
+        recovery.harm[0] = follow.recovery.before  # its trial has told that it did better
     updates = np.array([_updates(lane), _updates(first)], dtype=np.int64)
     scores = new_scores(state.scores.usual, updates, state.row, state.scores.scale)
     return state._replace(
         live=lane, stream=follow.goes_on(state, number), first=first, other=other,
         scores=scores, agenda=state.agenda._replace(held=False, told=False, open=0),
-        trial=follow.setup.probation.init(), recovery=follow.recovery.init(),
+        trial=follow.setup.probation.init(), recovery=recovery,
         detect=follow.setup.detect.anew(state.detect), external=follow.setup.external.init(),
         # what waits is of the version that goes
         newest=follow.setup.at_horizon.init(), waiting=follow.setup.residual_filter.init(),
