@@ -76,7 +76,7 @@ def test_books_are_plain_sums_wherever_rows_are_cut(cuts: list[int]) -> None:
     rows = released()
     books, pairs = new_scores(new_usual(RMS), np.zeros(2, np.int64), 0, np.array([1.0, 2.0])), []
     for where in pieces(cuts):
-        books, found, _ = accumulate(books, part(rows, where))
+        books, found, *_ = accumulate(books, part(rows, where))
         pairs.append(found)
     known = ~np.isnan(rows.live)
     assert books.watch.samples.tolist() == (known & rows.moving).sum(axis=0).tolist()
@@ -103,7 +103,7 @@ def test_books_do_not_depend_on_cuts_by_a_bit() -> None:
     def end(cuts: list[int]) -> object:
         books = new_scores(new_usual(RMS), np.zeros(2, np.int64), 0, np.ones(2))
         for where in pieces(cuts):
-            books, _, _ = accumulate(books, part(rows, where))
+            books, *_ = accumulate(books, part(rows, where))
         return books
 
     assert equal(end([]), end(list(range(1, 100))))

@@ -76,7 +76,7 @@ def test_events_and_headline_count_from_what_was_live(seed: int) -> None:
     last = went[-1].evidence
     assert last["replaced"] == went[-2].evidence["version"]
     old, new = (result.versions[last[which]].values[0] for which in ("replaced", "version"))
-    assert f"Changed by itself: gain {old:.3g} → {new:.3g}" in result.headline and old < 0.95
+    assert f"Changed by itself: gain 1 → {old:.3g} → {new:.3g}" in result.headline and old < 0.95
     assert all(" → " in event.reason for event in result.of_kind("tuned"))
 
 

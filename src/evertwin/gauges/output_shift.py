@@ -4,10 +4,10 @@ Either is told by numbers that go with time: what the sensor is off by, or the p
 machine. Over parts of the rows both may go in straight lines; the machine may also leap from part
 to part, and has all its parameters. So where one number of one sensor leaves as little as before,
 and far less than any machine or input, it is the sensor. Where both leave about as little (one
-output of a machine that one parameter makes as much larger), nobody can tell; the machine is
-learned, and it is said what would look the same. A machine that leaps from part to part comes near
-a share that stays the same, too; such a share is compared with one machine for all rows, in what
-each leaves beyond the usual.
+output of a machine that one parameter makes as much larger), or the sensor leaves no more than was
+usual before, nobody can tell; the machine is learned, and it is said what would look the same. A
+machine that leaps from part to part comes near a share that stays the same, too; such a share is
+compared with one machine for all rows, in what each leaves beyond the usual.
 """
 
 from __future__ import annotations
@@ -51,6 +51,8 @@ ALIKE = 1.5
 """So many times what the machine leaves a sensor may leave to look the same."""
 SHARE = 0.1
 """What a share is tried with."""
+SENSOR, SAME = "a sensor of ", "would look the same"
+"""How a caveat begins and ends: sensor or machine, that cannot be told."""
 
 
 class Off(NamedTuple):
@@ -123,8 +125,8 @@ def shifted_output(rows: Rows) -> tuple[SensorChange | None, str]:
             f"{100 * (1.0 - ours / off):.0f} % of the deviation, and no machine, nor an input, "
             "explains as much; nothing is learned from it"
         ), None, rows.row(edges[0])), ""  # fmt: skip
-    if ours <= ALIKE * theirs:
-        return None, f"; a sensor of {channel.name} that is off by {said} would look the same"
+    if ours <= ALIKE * theirs or (seen and ours <= usual):  # what is usual is nothing to explain
+        return None, f"; {SENSOR}{channel.name} that is off by {said} {SAME}"
     return None, ""
 
 

@@ -14,12 +14,13 @@ from typing import Any
 
 import numpy as np
 
-from evertwin.fold import Answer, Event, Request, copy
+from evertwin.fold import Answer, Event, Request
 from evertwin.loop.contradictions import told
 from evertwin.loop.crossing import outside
 from evertwin.loop.decision import Decision
 from evertwin.loop.disturbances import disturbed, unlearn
 from evertwin.loop.follow import EMPTY, Follow
+from evertwin.loop.going_live import goes_live, recovered, switched
 from evertwin.loop.heeding import heed
 from evertwin.loop.in_stream import tell_followed
 from evertwin.loop.looking import adopted, in_vain, looks, returned
@@ -30,7 +31,6 @@ from evertwin.models.form import Form
 from evertwin.refit.states import tried
 from evertwin.rows.ring import refuse
 from evertwin.setup.deviation import new_sums
-from evertwin.setup.scores import new_scores
 from evertwin.setup.twin_state import PROBATION, TRIAL, WATCH, TwinState
 
 PATIENT = 4
@@ -70,6 +70,8 @@ class Decide:
             self._judge_trial(decision)
         elif decision.state.agenda.phase == PROBATION:
             self._judge_probation(decision)
+        if not veto:
+            recovered(decision, self.follow)
         if contradicted:
             pass  # of rows that contradict each other nothing is asked
         elif veto:
@@ -112,7 +114,7 @@ class Decide:
             return state
         first = state.live if state.first.version < 0 else state.first
         state = state._replace(other=self.follow.beside(state.live, number))
-        state = self._live(state, number, EMPTY, first)
+        state = goes_live(self.follow, state, number, EMPTY, first)
         agenda = state.agenda._replace(
             phase=WATCH,
             again=0,
@@ -332,9 +334,9 @@ class Decide:
         if state.agenda.brief >= 0.0:
             shown = shown.partition(", e-value")[0]
         reason = f"version {new.version} replaces {old.version}: {shown}"
-        decision.say("promoted", "", reason, self._switched(evidence, new.version))
+        decision.say("promoted", "", reason, switched(self.follow, evidence, new.version))
         first = old if state.first.version < 0 else state.first
-        decision.state = self._live(decision.state, new.version, old, first)
+        decision.state = goes_live(self.follow, decision.state, new.version, old, first)
         if state.agenda.brief >= 0.0:
             adopted(decision, self.follow.setup, self.follow.versions[new.version])
         decision.remember(phase=PROBATION)
@@ -348,51 +350,8 @@ class Decide:
         elif verdict == "roll_back":
             old = state.other.version
             reason = f"version {state.live.version} does worse than {old}: {evidence['sentence']}"
-            decision.say("rolled_back", "", reason, self._switched(evidence, old))
+            decision.say("rolled_back", "", reason, switched(self.follow, evidence, old))
             versions = self.follow.versions
             returned(decision, self.follow.setup, versions[state.live.version], versions[old])
-            decision.state = self._live(decision.state, old, EMPTY, state.first)
+            decision.state = goes_live(self.follow, decision.state, old, EMPTY, state.first)
             decision.remember(phase=WATCH, hold=state.row + self.follow.setup.holdoff)
-
-    def _live(self, state: TwinState, number: int, other: Any, first: Any) -> TwinState:
-        """``number`` goes live from the state it has run to; the scores begin anew."""
-        follow = self.follow
-        stage, p = follow.stages(number)[1], follow.versions[number].p
-        lane = state.other._replace(
-            horizon=stage.renew(copy(state.other.horizon), p),
-            track=self._taken_over(number, state),
-        )
-        if first.version == number:
-            first = EMPTY
-        elif first.version >= 0:
-            first = copy(first)
-        if other is not EMPTY:
-            other = other._replace(track=())
-        updates = np.array([self._updates(lane), self._updates(first)], dtype=np.int64)
-        scores = new_scores(state.scores.usual, updates, state.row, state.scores.scale)
-        return state._replace(
-            live=lane, stream=follow.goes_on(state, number), first=first, other=other,
-            scores=scores, agenda=state.agenda._replace(held=False, told=False, open=0),
-            trial=follow.setup.probation.init(), detect=follow.setup.detect.anew(state.detect),
-            external=follow.setup.external.init(),
-            # what waits is of the version that goes
-            newest=follow.setup.at_horizon.init(), waiting=follow.setup.residual_filter.init(),
-        )  # fmt: skip
-
-    def _taken_over(self, number: int, state: TwinState) -> Any:
-        """The champion's track, continued by another version with the arbiter's memory."""
-        old, _ = self.follow.stages(state.live.version)
-        new, _ = self.follow.stages(number)
-        p = self.follow.versions[number].p
-        track = new.take_over(copy(state.live.track), old, p)
-        hidden = len(old.model.states)
-        if len(track.x) > hidden and state.other.version == number:
-            track.x[hidden:] = state.other.horizon.x[hidden : len(track.x)]
-        return track
-
-    def _updates(self, lane: Any) -> int:
-        return 0 if lane.version < 0 else int(lane.track.updates.sum())
-
-    def _switched(self, evidence: Mapping[str, Any], number: int) -> dict[str, Any]:
-        """The evidence of a switch, with the version that goes live."""
-        return {**evidence, "version": number, "hash": self.follow.versions[number].hash}

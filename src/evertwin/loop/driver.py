@@ -135,7 +135,7 @@ class Driver:
             detect=setup.detect.init(), external=setup.external.init(),
             kinematics=setup.kinematics.init(),
             still=setup.still.init(len(setup.model.inputs)), recurrence=setup.recurrence.init(),
-            trial=setup.trial.init(),
+            trial=setup.trial.init(), recovery=self.follow.recovery.init(),
             scores=new_scores(usual, np.zeros(2, dtype=np.int64), 0, sizes),
             agenda=Agenda(
                 pinned=self.pinned, versions=self.versions.known, commissioned=self.champion > 0

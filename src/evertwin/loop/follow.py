@@ -7,6 +7,7 @@ are compared on the same trusted rows.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,6 +27,7 @@ from evertwin.setup.setup import Setup
 from evertwin.setup.twin_state import PROBATION, TRIAL, Lane, TwinState
 from evertwin.sync import Horizon, Track
 from evertwin.sync.horizon_loop import SEGMENTS
+from evertwin.trial import Recovery
 from evertwin.tuning import Following
 from evertwin.types import Outputs
 
@@ -75,6 +77,11 @@ class Follow:
     _stages: dict[Form, tuple[Track, Horizon]] = field(default_factory=dict, repr=False)
     _of: dict[int, tuple[Track, Horizon]] = field(default_factory=dict, repr=False)
     _following: dict[int, Following | None] = field(default_factory=dict, repr=False)
+
+    @cached_property
+    def recovery(self) -> Recovery:
+        """What weighs the first champion while another version is live."""
+        return Recovery(segments=self.setup.trial.least // 2)
 
     def stages(self, number: int) -> tuple[Track, Horizon]:
         """The stages that run a version."""
@@ -246,11 +253,16 @@ class Follow:
         delay = self.setup.residual_filter.delay
         soon = state.agenda.held or early(self.setup, state)
         watch = self.setup.watch(beats - delay, soon) if len(beats) else NEVER
-        scores, pairs, off = accumulate(state.scores, rows, watch)
+        scores, pairs, back, off = accumulate(state.scores, rows, watch)
         detect, found = self.setup.detect.step(state.detect, rows)
         stop = -1 if off < 0 else int(beats[off])
         if len(beats) and detect.pending.kind:
             after = beats[beats > detect.pending.row + delay]
+            if len(after) and (stop < 0 or after[0] < stop):
+                stop = int(after[0])
+        decides = self.recovery.step(state.recovery, back) if len(back) else -1
+        if len(beats) and decides >= 0:
+            after = beats[beats > back[decides, 2] + delay]
             if len(after) and (stop < 0 or after[0] < stop):
                 stop = int(after[0])
         trial, phase = state.trial, state.agenda.phase

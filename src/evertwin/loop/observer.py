@@ -18,8 +18,10 @@ from evertwin.models import Parameters
 from evertwin.models.form import Version
 from evertwin.outcome.headline import also_pinned, headline
 from evertwin.outcome.jumps import usual_most
+from evertwin.outcome.lives import lives
 from evertwin.outcome.open_trial import open_trial
 from evertwin.outcome.result import OutputFigures, RunResult
+from evertwin.outcome.spells import spell
 from evertwin.outcome.trace import Tail, Trace
 from evertwin.setup.deviation import deviation, judged_deviation
 from evertwin.setup.setup import Setup
@@ -157,8 +159,16 @@ class Observer:
         most = usual_most(self.trace.columns(), self.events, self.setup.horizon)
         if most is None:
             return found
-        pairs = zip(found.items(), most.tolist(), strict=True)
-        return {name: replace(one, most=value) for (name, one), value in pairs}
+        trace, limit = self.trace.columns(), self.setup.requirement
+        kept = trace["row"] >= state.scores.rows
+        row, moving = trace["row"][kept], self.setup.moving(trace["input"][kept])
+        told = {}
+        for k, (name, one) in enumerate(found.items()):
+            off = np.where(moving[:, k], trace["off"][kept, k], np.nan)
+            asked = limit * one.size if self.setup.relative else limit
+            passed = spell(row, off, asked) if one.judged > limit else None
+            told[name] = replace(one, most=float(most[k]), spell=passed)
+        return told
 
     def _known(self, parameters: Parameters) -> dict[str, dict[str, Any]]:
         """What the fits that the champion's values come from said of them."""
@@ -205,7 +215,11 @@ def _columns(piece: Block, out: Followed) -> tuple[np.ndarray, ...]:
 def succeeded(
     versions: Versions, champion: Version, events: Sequence[Event]
 ) -> tuple[Version, ...]:
-    """The live version, and that which it replaced, if it did."""
+    """The live version, and those that were live before it since the run began, the newest first;
+    of one that went live before, its parent."""
+    chain = lives(events)
+    if len(chain) > 1 and chain[-1] == champion.number:
+        return (champion, *(versions[number] for number in reversed(chain[:-1])))
     before: Any = champion.parent
     for event in events:
         if event.kind == "promoted" and event.evidence.get("version") == champion.number:

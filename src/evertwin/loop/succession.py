@@ -7,9 +7,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from evertwin.gauges.output_shift import SAME, SENSOR
 from evertwin.gauges.sensor_change import unmeasured
 from evertwin.loop.decision import Decision
 from evertwin.loop.follow import EMPTY
+from evertwin.refit.channels import caveats_of
 from evertwin.rows.ring import Rows, called
 from evertwin.setup.setup import Setup
 from evertwin.setup.twin_state import PROBATION, TRIAL, WATCH, TwinState
@@ -70,10 +72,11 @@ def in_doubt(decision: Decision, setup: Setup, content: Mapping[str, Any]) -> Ma
         if content.get("cleared") and driven(setup, decision.state.ring):
             _cleared(decision, setup)
         return {"events": []}  # what was said first was said by most rows from before
+    before = agenda.accused
     again, accused = channel and channel == agenda.accused, "" if over else channel
     decision.remember(accused=accused if "fit" in content or channel else agenda.accused)
     if not channel:  # divided by a number of units it may still be off by a little
-        return {"events": []} if decision.state.live.track.divides else content
+        return {"events": []} if decision.state.live.track.divides else _with(content, before)
     if agenda.phase == TRIAL and not agenda.pinned and agenda.brief < 0.0:
         said = f"version {number} was learned from rows in which {channel} is in doubt"
         decision.say("rejected", "", said, {"version": number})
@@ -82,6 +85,15 @@ def in_doubt(decision: Decision, setup: Setup, content: Mapping[str, Any]) -> Ma
     decision.remember(doubt=channel if content["lasts"] and not over else "")
     decision.remember(doubted=float(content["events"][-1]["evidence"]["number"]))
     return {**content, "events": []} if again and not (over or content["lasts"]) else content
+
+
+def _with(content: Mapping[str, Any], channel: str) -> Mapping[str, Any]:
+    """The content, whose candidate goes on to say that ``channel`` was in doubt."""
+    found = content.get("candidate")
+    if not channel or found is None or channel in caveats_of(found["reason"]):
+        return content
+    said = f"{SENSOR}{channel} that is off, as was told before, {SAME}"
+    return {**content, "candidate": {**found, "reason": f"{found['reason']}; {said}"}}
 
 
 def _cleared(decision: Decision, setup: Setup) -> None:

@@ -23,9 +23,9 @@ Move = tuple[str, float, float]
 
 
 def changes(setup: Setup, versions: Sequence[Version], events: Sequence[Event] = ()) -> str:
-    """What is other in the live version, the first, than in the one before it, the second, or than
-    was configured: of many numbers those that moved most, by their intervals where ``events`` have
-    a fit's; where a state begins is none of the machine's."""
+    """What is other in the live version, the first, than in the last of ``versions``, by way of
+    those between them, or than was configured: of many numbers those that moved most, by their
+    intervals where ``events`` have a fit's; where a state begins is none of the machine's."""
     champion = versions[0]
     tuned, *terms = champion.reason.split("; ")
     names = [name.removesuffix(" (weak)") for name in tuned.removeprefix("tuned ").split(", ")]
@@ -36,22 +36,30 @@ def changes(setup: Setup, versions: Sequence[Version], events: Sequence[Event] =
     units = {item.name: item.unit for item in setup.model.parameters}
     if not tuned.startswith("tuned ") or not set(names) <= set(now) & set(old) & set(units):
         return shorter(champion.reason)
+    between = [dict(zip(one.names, one.values, strict=True)) for one in versions[1:-1][::-1]]
+    more = [name for name in units if name in now and any(
+        one.get(name, old[name]) != old[name] for one in between)]  # fmt: skip
+    names += [name for name in more if name not in names]
     names = [name for name in names if name not in initials(setup.model)] or names
     weak = [name.removesuffix(" (weak)") for name in tuned.split(", ") if name.endswith(" (weak)")]
     moves = [(name, old[name], now[name]) for name in names]
-    told = in_words(moves, units, _halves(now, events), weak)
+    steps = {name: [one.get(name, old[name]) for one in between] for name in names}
+    told = in_words(moves, units, _halves(now, events), weak, steps)
     return "; ".join([told, *terms[:FEW]])
 
 
 def in_words(
     moves: Sequence[Move], units: Mapping[str, str], halves: Mapping[str, float],
-    weak: Sequence[str] = (),
+    weak: Sequence[str] = (), steps: Mapping[str, Sequence[float]] | None = None,
 ) -> str:  # fmt: skip
     """Old and new values; ``halves``: half the width of a number's interval, where it is known;
-    ``weak``: numbers that come after all others, as those of which no interval is known.
+    ``weak``: numbers that come after all others, as those of which no interval is known;
+    ``steps``: values on the way from the old to the new one.
 
     >>> in_words([("Fc", 12.0, 12.1), ("mass", 80.0, 110.0)], {"mass": "kg", "Fc": "N"}, {})
     'mass 80 → 110 kg, Fc 12 → 12.1 N'
+    >>> in_words([("k", 0.222, 0.121)], {"k": "1"}, {}, steps={"k": [0.0257]})
+    'k 0.222 → 0.0257 → 0.121'
     """
 
     def size(move: Move) -> tuple[bool, float]:
@@ -63,10 +71,20 @@ def in_words(
     known = any(0.0 < halves.get(name, 0.0) < math.inf for name, *_ in moves)
     most = sorted(moves, key=size, reverse=True)
     told = [
-        f"{name} {old:.3g} → {now:.3g} {units[name]}".removesuffix(" 1")
+        f"{name} {_way(old, *(steps or {}).get(name, ()), now)} {units[name]}".removesuffix(" 1")
         for name, old, now in most[:FEW]
     ]
     return ", ".join(told) + (f", and {len(moves) - FEW} more" if len(moves) > FEW else "")
+
+
+def _way(first: float, *more: float) -> str:
+    """Values one after the other, each that is another one than that before it; the first and the
+    newest two of many."""
+    said = [f"{value:.3g}" for value in (first, *more)]
+    way = [one for one, before in zip(said, ["", *said], strict=False) if one != before]
+    if len(way) == 1:
+        way *= 2
+    return " → ".join(way if len(way) <= FEW else [way[0], "…", *way[-2:]])
 
 
 def _halves(now: Mapping[str, float], events: Sequence[Event]) -> dict[str, float]:

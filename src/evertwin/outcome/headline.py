@@ -15,17 +15,16 @@ from typing import Any
 from evertwin.fold import Event
 from evertwin.models.form import Version
 from evertwin.outcome.changes import changes
-from evertwin.outcome.jumps import jumps, remembered
+from evertwin.outcome.jumps import forgotten, jumps
+from evertwin.outcome.lives import went_back
+from evertwin.outcome.nothing_better import CLEAR, nothing_better, of_a_sensor, two_clocks
 from evertwin.outcome.open_faults import open_faults
 from evertwin.outcome.open_trial import OpenTrial, shorter
 from evertwin.outcome.result import OutputFigures
-from evertwin.rows.channels import recorded_as
 from evertwin.setup.setup import Setup
 from evertwin.signals.spoken import both, share, spoken
 from evertwin.sources.tally import Tally
 
-CLEAR = 0.03
-"""Share by which a deviation has to fall, or rise, to be called better, or worse."""
 FEW = 3
 """Outputs that are named one by one."""
 SHORT, FEWER = 30, 10
@@ -35,41 +34,37 @@ LOST = 0.5
 """Share of the rows left out from which on this is said first."""
 SELDOM = 0.003
 """Share of the rows below which single contradictions are a rough model's."""
-CHANGE = "change of "
-"""Before an input: what depends on that comes late, or early."""
 OFTEN = 10
 """Contacts in a run from which on it is said that they may be none."""
 ROUGH = 3.0
 """A jump of fewer times what the model is off by is no news of its sensor."""
 FITS = re.compile("The twin fits its machine(?: now)?")
 """What is said of a twin, unless rows of an output are refused to the end."""
-NO_MACHINE = ("not physical: ", "outside: ")
-"""How a rejection begins of numbers that no machine has, whatever they explain."""
 
 
 def headline(
     setup: Setup, outputs: Mapping[str, OutputFigures], versions: tuple[Version, ...],
     events: Sequence[Event], trial: OpenTrial | None, measured: int = 0,
 ) -> str:  # fmt: skip
-    """The outcome in a sentence or a few; ``versions``: the live one, and that which was live
-    before it, if another was; ``measured``: rows that measure an output."""
+    """The outcome in a sentence or a few; ``versions``: the live one, and those that were live
+    before it, the newest first; ``measured``: rows that measure an output."""
     champion = versions[0]
     known = {name: f for name, f in outputs.items() if not math.isnan(f.rms_after)}
     told_in = zip(setup.model.outputs.units, setup.recorded, strict=True)
     units = dict(zip(setup.model.outputs.names, told_in, strict=True))
-    doubted = _of_a_sensor(events)
+    doubted = of_a_sensor(events)
     asked = 0.0 if setup.relative or not setup.decides else setup.requirement
     least = {
         name: max(asked, ROUGH * f.rms_after, f.most if f.most > 0.0 else 0.0)
         for name, f in known.items()
     }
     # of a channel that is read wrongly, the others step away from the model as well
-    late = _two_clocks(setup, events) and not setup.spec.correction.terms
+    late = two_clocks(setup, events) and not setup.spec.correction.terms
     quiet = setup.static or doubted or late
     stepped = {} if quiet else jumps(events, units, least)
     if stepped:  # simulated only where it matters
-        stays = remembered(setup.model, setup.model.parameters.values, setup.horizon)
-        stepped = jumps(events, units, least, stays)
+        gone = forgotten(setup.model, setup.model.parameters.values, setup.horizon)
+        stepped = jumps(events, units, least, gone)
     refused = open_faults(events)
     faults = {**stepped, **refused}
     if known:
@@ -83,7 +78,7 @@ def headline(
         )
     else:
         outcome = f"Nothing was predicted: {_why_none(measured)}."
-    told = [*faults.values(), outcome]
+    told = [*faults.values(), outcome, *went_back(events)]
     if doubted and doubted not in outcome:
         told.insert(0, f"{doubted[0].upper()}{doubted[1:]}.")
     told += map(_sentence, (*_last(events, "state"), *_last(events, "followed")))
@@ -157,18 +152,6 @@ def _last(events: Sequence[Event], kind: str) -> list[Event]:
     return [e for e in events if e.kind == kind][-1:]
 
 
-def _of_a_sensor(events: Sequence[Event]) -> str:
-    """What was said last of a channel that is not what it was, or is said to be; else nothing."""
-    said = (e for e in reversed(events) if e.kind in ("abnormal", "promoted") or _clears(e))
-    last = next(said, None)
-    return last.reason if last is not None and "number" in last.evidence else ""
-
-
-def _clears(event: Event) -> bool:
-    """Does it take back what was said of a channel?"""
-    return event.kind == "normal" and "doubt" in event.evidence
-
-
 def _contacts(events: Sequence[Event]) -> tuple[int, list[Event]]:
     """How often something outside acted, and what came again and again: without what turned out to
     be the machine's own, a load, or a unit."""
@@ -207,7 +190,7 @@ def _outcome(
     shares = setup.relative and setup.decides and len(known) <= FEW
     now, lead = _sizes(known, "off", shares=shares), _lead(setup)
     off = {n: f for n, f in known.items() if f.judged > setup.requirement}
-    found = _nothing_better(setup, events, trial)
+    found = nothing_better(setup, events, trial)
     still, asked = "", _asked(setup, known)
     if off:
         still = f" Still, {_off(setup, off)}, and {found}."
@@ -228,19 +211,22 @@ def _outcome(
             f"Nothing was judged, for no requirement is set: {now}{lead}. How far may it "
             "be off? Say so in [anomaly] requirement."
         )
+    if off and all(f.spell for f in off.values()):
+        return f"The twin fits its machine again: {_spells(off)}{lead}{asked}; {found}."
     if off:
         return f"The twin does not fit its machine: {_off(setup, off)}{lead}, and {found}."
     if math.isfinite(setup.requirement) and all(math.isnan(f.judged) for f in known.values()):
         lead = lead.replace(" while it moves", " at rest")
         return f"Nothing moved, so whether the twin fits cannot be told: {now}{lead}."
-    named = max((e.row for e in events if e.kind == "state"), default=-1)
+    named = max((e.row for e in events if e.kind in ("state", "rolled_back")), default=-1)
     kinds = ("suspected", "drift", "abnormal")
     doubts = [e for e in events if e.kind in kinds and e.row > named]
     if not doubts:
         more = "nothing else" if named >= 0 or _last(events, "followed") else "nothing"
         free = [name for name, f in known.items() if math.isnan(f.judged)]
         rest = f" No limit is asked of {', '.join(free)}." if free else ""
-        return f"The twin fits its machine, and {more} was changed: {now}{lead}{asked}.{rest}"
+        again = " again" if went_back(events) else f", and {more} was changed"
+        return f"The twin fits its machine{again}: {now}{lead}{asked}.{rest}"
     last = doubts[-1]
     times = f"{len(doubts)} time{'s' * (len(doubts) > 1)}"
     why = f"it was suspected {times} ({last.signal or last.kind}: {last.reason}), and "
@@ -250,70 +236,20 @@ def _outcome(
     )
 
 
-def _nothing_better(setup: Setup, events: Sequence[Event], trial: OpenTrial | None) -> str:
-    if trial is not None:
-        if not trial.segments:
-            return "a candidate has gone on trial, of which no unseen row has told yet"
-        if trial.gain > CLEAR:
-            to_come = "" if trial.seconds is None else (
-                f", decided in about {trial.seconds:.0f} s if it goes on so")  # fmt: skip
-            return (
-                f"a better version is on trial ({shorter(trial.reason)}): {100 * trial.gain:.0f} % "
-                f"less deviation so far{to_come}"
-            )
-        so_far = "worse" if trial.gain < -CLEAR else "no better"
-        return f"the candidate that is on trial is {so_far} so far"
-    doubted = _of_a_sensor(events)
-    if doubted:
-        return doubted
-    verdicts = [e for e in events if e.kind in ("noise", "normal", "abnormal", "promoted")]
-    if verdicts and verdicts[-1].kind == "noise":
-        return verdicts[-1].reason
-    depends = _dependence(events)
-    channel = depends.removeprefix(CHANGE)
-    if channel in setup.model.inputs.names and not setup.spec.correction.terms:
-        two = _two_clocks(setup, events)
-        return (
-            f"no parameter of the model explains it: it depends on {depends}{two}. To let the twin "
-            f'learn that, add [correction] channels = ["{channel}"], terms = ["lag", "table", '
-            '"law"] to its file'
-        )
-    rejected = [e.reason for e in events if e.kind == "rejected"]
-    if rejected:
-        tried = f"{len(rejected)} candidates were" if len(rejected) > 1 else "1 candidate was"
-        why = f", the last {rejected[-1]}" if rejected[-1].startswith(NO_MACHINE) else ""
-        return f"nothing better was found: {tried} tried{why}"
-    return "nothing better has been found yet"
-
-
-def _dependence(events: Sequence[Event]) -> str:
-    """What a deviation was found last to depend on, beside the model's parameters."""
-    abnormal: list[Any] = [e.evidence.get("dependence") for e in events if e.kind == "abnormal"]
-    return next((str(found["input"]) for found in reversed(abnormal) if found), "")
-
-
-def _two_clocks(setup: Setup, events: Sequence[Event]) -> str:
-    """Where the change of an input explains a deviation, and outputs are of another source: that
-    one of the two may be late; else nothing."""
-    depends = _dependence(events)
-    if not depends.startswith(CHANGE):
-        return ""
-    of = {name: source.name for source in setup.spec.source for name in source.channels}
-    command = of.get(recorded_as(setup.spec, depends.removeprefix(CHANGE)))
-    outputs = [of.get(recorded_as(setup.spec, name)) for name in setup.model.outputs.names]
-    others = [name for name in dict.fromkeys(outputs) if name not in (None, command)]
-    if command is None or not others:
-        return ""
-    return (
-        f", as where the clocks of {command} and {others[0]} differ or one comes late: evertwin "
-        "doctor measures by how much, and [[source]] offset takes it away"
-    )
-
-
 def _off(setup: Setup, off: Mapping[str, OutputFigures]) -> str:
     """Which outputs are off by more than is asked, by how much, and what is asked."""
     sizes = _sizes(off, "off", shares=setup.relative and len(off) <= FEW)
     return f"{sizes} where {_limit(setup, off)} is asked"
+
+
+def _spells(off: Mapping[str, OutputFigures]) -> str:
+    """When outputs were off, by how much, and what they are off by on all other rows."""
+    return ", ".join(
+        f"{name} was off by {spoken(f.spell.inside, f.unit, f.recorded)} from row {f.spell.first} "
+        f"to {f.spell.last}, and is by {spoken(f.spell.outside, f.unit, f.recorded)} on all others"
+        for name, f in off.items()
+        if f.spell
+    )
 
 
 def _limit(setup: Setup, judged: Mapping[str, OutputFigures]) -> str:

@@ -7,7 +7,8 @@ when it is right again; what never came back cannot be told from a machine that 
 is the first that a result has to say. Where a signal overrules the model again and again, the model
 is rough there, and nothing of this is said; nor of a jump within what the model is off by anyway,
 nor of an output that forgets where it was, as a
-current does: a sensor that is off would go on to contradict the model.
+current does: a sensor that is off would go on to contradict the model. One that forgets slowly, as
+a temperature does, contradicts it by so little within a prediction that nothing else tells of it.
 
 >>> there = {"delta": {"x": 0.5}, "sigma": {"x": 0.01}, "onset": 10}
 >>> events = [Event(17, 0, "overruled", "pose", "", there)]
@@ -44,8 +45,9 @@ STAYS = 0.5
 """Share of that which is still there then, at least."""
 
 
-def remembered(model: Model, p: ParameterVector, horizon: float) -> frozenset[str]:
-    """Outputs that stay moved, as a position does; all of which that cannot be asked.
+def forgotten(model: Model, p: ParameterVector, horizon: float) -> Mapping[str, float]:
+    """Share of a move that outputs forget within a horizon: none where one stays moved, as a
+    position does, or where that cannot be asked; all where no state takes it over.
 
     >>> from evertwin.models import FunctionModel, Parameters
     >>> from evertwin.signals import Layout
@@ -55,24 +57,25 @@ def remembered(model: Model, p: ParameterVector, horizon: float) -> frozenset[st
     >>> both = Layout.of(x="m", v="m/s")
     >>> model = FunctionModel(
     ...     cart, Layout.of(u="m/s"), both, both, Parameters.of(quick=(9.0, "1/s")))
-    >>> sorted(remembered(model, model.parameters.values, 1.0))
-    ['x']
+    >>> forgotten(model, model.parameters.values, 1.0)
+    {'x': 0.0, 'v': 1.0}
     """
     names = model.outputs.names
     if not np.isfinite(horizon):
-        return frozenset(names)
+        return dict.fromkeys(names, 0.0)
     x0, dt = model.initial(p), np.full(STEPS, HORIZONS * horizon / STEPS)
-    u, found = np.zeros((STEPS, len(model.inputs))), list[str]()
+    u, found = np.zeros((STEPS, len(model.inputs))), dict.fromkeys(names, 1.0)
     with np.errstate(all="ignore"):
         for k, name in enumerate(names):
             here, there = (np.where(np.arange(len(names)) == k, v, np.nan) for v in (0.0, 1.0))
             at, moved = model.observe(x0, here), model.observe(x0, there)
             if np.array_equal(at, moved):
                 continue  # no state takes it over
-            one, other = (model.simulate(x, u, dt, p)[1][-1, k] for x in (at, moved))
-            if not abs(other - one) < STAYS:
-                found.append(name)
-    return frozenset(found)
+            one, other = (model.simulate(x, u, dt, p)[1][:, k] for x in (at, moved))
+            left = np.abs(other - one)
+            gone = 0.0 if not left[-1] < STAYS else 1.0 - left[STEPS // HORIZONS - 1]
+            found[name] = float(np.clip(round(gone, 3), 0.0, 1.0))
+    return found
 
 
 def usual_most(
@@ -94,7 +97,7 @@ def usual_most(
 
 def jumps(
     events: Sequence[Event], units: Mapping[str, tuple[str, str]],
-    least: Mapping[str, float] | None = None, stays: frozenset[str] | None = None,
+    least: Mapping[str, float] | None = None, gone: Mapping[str, float] | None = None,
 ) -> Mapping[str, str]:  # fmt: skip
     """Signal to the sentence about it.
 
@@ -102,7 +105,8 @@ def jumps(
         events: of a run.
         units: SI unit of each output, and the one that it is recorded in.
         least: how far an output has to jump for it to be the first thing to say; absent: not far.
-        stays: outputs that remember where they were; None: all.
+        gone: share of a jump by which a sensor that is off goes on to contradict the model; None:
+            it does not.
     """
     found: dict[str, list[Event]] = {}
     for event in events:
@@ -112,7 +116,9 @@ def jumps(
             found.setdefault(event.signal, []).append(event)
     told = {}
     for signal, some in found.items():
-        sentence = _told(signal, some, units, (least or {}, stays)) if len(some) < OFTEN else ""
+        sentence = (
+            _told(signal, some, units, (least or {}, gone or {})) if len(some) < OFTEN else ""
+        )
         if sentence:
             told[signal] = sentence
     return told
@@ -120,10 +126,10 @@ def jumps(
 
 def _told(
     signal: str, some: Sequence[Event], units: Mapping[str, tuple[str, str]],
-    rule: tuple[Mapping[str, float], frozenset[str] | None],
+    rule: tuple[Mapping[str, float], Mapping[str, float]],
 ) -> str:  # fmt: skip
     """Of the last jump that is clear and was not the way back of one before."""
-    least, stays = rule
+    least, gone = rule
     open_one: tuple[Event, str, float] | None = None
     text = ""
     for event in some:
@@ -143,7 +149,9 @@ def _told(
             open_one = None
         elif sizes[name] > CLEAR and abs(delta) > least.get(name, 0.0):
             open_one = event, name, delta
-    if open_one is not None and (stays is None or open_one[1] in stays):
+    if open_one is not None and (
+        abs(open_one[2]) * gone.get(open_one[1], 0.0) <= least.get(open_one[1], 0.0)
+    ):
         since: Any = open_one[0].evidence
         text = (
             f"{signal} has stood {_by(signal, *open_one[1:], units)} apart from what the model "

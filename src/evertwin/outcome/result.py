@@ -17,6 +17,7 @@ from evertwin.fold import Event, Mark, plain
 from evertwin.models import Model, Parameters
 from evertwin.models.form import Form, Version
 from evertwin.outcome.open_trial import OpenTrial, shorter
+from evertwin.outcome.spells import Spell
 from evertwin.outcome.summed_up import Several, summed_up
 from evertwin.signals.spoken import MANY, percent, share, suited
 from evertwin.sources.tally import Tally
@@ -64,6 +65,8 @@ class OutputFigures:
     """The unit that the twin file gives, in which people are told of it."""
     most: float = math.nan
     """The most that a prediction was off by, apart from where measurements overruled it."""
+    spell: Spell | None = None
+    """Where it is off by more than is asked: the one stretch on which it was, if it fits again."""
 
     @property
     def before(self) -> float:

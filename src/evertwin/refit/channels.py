@@ -3,19 +3,40 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from evertwin.errors import DataError, ModelError
 from evertwin.gauges.change import suddenly
 from evertwin.gauges.gauge import misgauged, reread
 from evertwin.gauges.input_alike import alike_inputs
 from evertwin.gauges.offset import leapt
-from evertwin.gauges.output_shift import shifted_output
+from evertwin.gauges.output_shift import SAME, SENSOR, shifted_output
 from evertwin.gauges.sensor_change import SensorChange
 from evertwin.gauges.stuck import stuck
 from evertwin.refit.tuner import ENOUGH, Tuner
 from evertwin.setup.task import Task
 from evertwin.tuning import Fit, Problem
+
+
+def caveats(task: Task, content: dict[str, Any]) -> None:
+    """What would look the same as the live version would look the same as one that goes on from it,
+    until another one goes live, or a person names the cause. Writes the reason of a candidate."""
+    found = content.get("candidate")
+    if found is None or "brief" in found or task.cause:
+        return
+    old, new = (caveats_of(reason) for reason in (task.version.reason, found["reason"]))
+    kept = [said for channel, said in old.items() if channel not in new]
+    found["reason"] = "; ".join([found["reason"], *kept])
+
+
+def caveats_of(reason: str) -> dict[str, str]:
+    """What would look the same, in the reason of a version, by channel.
+
+    >>> caveats_of("tuned c; a sensor of pow that is off by +5 kW at row 9 would look the same")
+    {'pow': 'a sensor of pow that is off by +5 kW at row 9 would look the same'}
+    """
+    said = [part for part in reason.split("; ") if part.startswith(SENSOR) and part.endswith(SAME)]
+    return {part.removeprefix(SENSOR).split(" that ")[0]: part for part in said}
 
 
 class Asked(NamedTuple):

@@ -39,7 +39,7 @@ from evertwin.refit.answering import (
     of_a_sensor,
     undone,
 )
-from evertwin.refit.channels import of_a_channel
+from evertwin.refit.channels import caveats, of_a_channel
 from evertwin.refit.correcting import sought
 from evertwin.refit.judgement import NEARLY_ALL, judged, partly
 from evertwin.refit.named_cause import named_first
@@ -107,6 +107,7 @@ class Work(Tuner):
                 task, content = self._stated(task)
                 content = content or (self.fit(task) if task.kind == "fit" else {})
             self._refuse(task, content)
+            caveats(task, content)
             if task.rival is not None and not (content.get("candidate") or {}).get("brief"):
                 content = self._surpassing(task, task.rival, content)
             if task.kind == "fit" and task.doubt[0]:

@@ -28,6 +28,7 @@ from evertwin.setup.deviation import new_usual
 from evertwin.setup.scores import NEVER, exceeds, new_scores
 from evertwin.setup.setup import Setup
 from evertwin.store.spec import StoreSpec
+from evertwin.trial import Recovery
 from evertwin.twin import Twin
 
 LOG = logging.getLogger("evertwin.service")
@@ -85,6 +86,7 @@ def _decisions(setup: Setup) -> None:
     for gate in (setup.trial, setup.probation):
         state = gate.init()
         gate.step(state, np.ones((1, 2 + len(state.harm))))
+    Recovery().step(Recovery().init(), np.ones((1, 3)))
     setup.trial.verdict(setup.trial.init())
     ny, usual = len(setup.model.outputs), new_usual(setup.model.outputs.temperatures)
     scores = new_scores(usual, np.zeros(2, dtype=np.int64), 0, np.ones(ny))

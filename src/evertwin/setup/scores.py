@@ -24,7 +24,7 @@ def new_scores(usual: Usual, updates: np.ndarray, row: int, scale: np.ndarray) -
     watch, live, first, live_moving, first_moving = (new_sums(outputs) for _ in range(5))
     return Scores(
         watch, live, first, live_moving, first_moving, updates, row, np.zeros(1, np.int64),
-        np.zeros(outputs, dtype=np.bool_), np.zeros(3), scale, usual,
+        np.zeros(outputs, dtype=np.bool_), np.zeros(3), np.zeros(3), scale, usual,
     )  # fmt: skip
 
 
@@ -89,14 +89,14 @@ def judged(sums: Any, seen: Any, usual: Any, watch: Watch) -> bool:
 @njit(cache=True)
 def _accumulate(
     number: Any, rows: Any, sums: Any, seen: Any, usual: Any, losses: Any, watch: Watch
-) -> tuple[int, int]:
+) -> tuple[int, int, int]:
     measured, live, first, other, moving, end, outside = rows
-    pair, scale, pairs = losses
-    count, beat = 0, 0
+    pair, back, scale, pairs = losses
+    count, beat, earlier = 0, 0, 0
     for i in range(live.shape[0]):
         while beat < watch.beats.shape[0] and watch.beats[beat] <= number[i]:
             if not judged(sums[0], seen, usual, watch):
-                return count, beat
+                return count, earlier, beat
             beat += 1
         seen[0] += 1
         for k in range(live.shape[1]):
@@ -115,17 +115,26 @@ def _accumulate(
                 pair[0] += (a / scale[k]) * (a / scale[k])
                 pair[1] += (c / scale[k]) * (c / scale[k])
                 pair[2] += 1.0
+            if a == a and b == b and moving[i, k]:
+                back[0] += (a / scale[k]) * (a / scale[k])
+                back[1] += (b / scale[k]) * (b / scale[k])
+                back[2] += 1.0
         if end[i] and pair[2] > 0.0:
             pairs[count, 0] = pair[0] / pair[2]
             pairs[count, 1] = pair[1] / pair[2]
             count += 1
+        if end[i] and back[2] > 0.0:
+            pairs[earlier, 2] = back[0] / back[2]
+            pairs[earlier, 3] = back[1] / back[2]
+            pairs[earlier, 4] = number[i]
+            earlier += 1
         if end[i]:
-            pair[:] = 0.0
+            pair[:], back[:] = 0.0, 0.0
     while beat < watch.beats.shape[0]:
         if not judged(sums[0], seen, usual, watch):
-            return count, beat
+            return count, earlier, beat
         beat += 1
-    return count, -1
+    return count, earlier, -1
 
 
 NEVER = Watch(np.zeros(0, np.int64), 1, 1, np.inf, False, np.zeros(0, np.bool_), False)
@@ -134,17 +143,18 @@ NEVER = Watch(np.zeros(0, np.int64), 1, 1, np.inf, False, np.zeros(0, np.bool_),
 
 def accumulate(
     scores: Scores, rows: Released, watch: Watch = NEVER
-) -> tuple[Scores, np.ndarray, int]:
-    """The scores with more rows, and the paired losses of the segments that ended, (m, 2).
+) -> tuple[Scores, np.ndarray, np.ndarray, int]:
+    """The scores with more rows, and the paired losses of the segments that ended, (m, 2): against
+    the challenger; against the first champion with the row of the end, (k, 3).
 
     Consumes ``scores``. A loss is the mean of (residual / scale)² over the segment's moving rows
     and outputs at which both versions have one. Last: the first of ``watch``'s beats at which the
     champion is off by more than its limit, where the rows after it were left; −1: there is none.
     """
-    pairs = np.empty((len(rows.end), 2))
+    pairs = np.empty((len(rows.end), 5))
     sums = (scores.watch, scores.live, scores.first, scores.live_moving, scores.first_moving)
-    count, stop = _accumulate(
+    count, earlier, stop = _accumulate(
         rows.row, rows[3:], tuple(tuple(s) for s in sums), scores.seen,
-        tuple(scores.usual), (scores.pair, scores.scale, pairs), watch,
+        tuple(scores.usual), (scores.pair, scores.back, scores.scale, pairs), watch,
     )  # fmt: skip
-    return scores, pairs[:count], stop
+    return scores, pairs[:count, :2], pairs[:earlier, 2:], stop

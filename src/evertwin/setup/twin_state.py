@@ -58,6 +58,8 @@ class Scores(NamedTuple):
     """Outputs with rows among these of a fault that was found out later, bool (ny,)."""
     pair: np.ndarray
     """Running segment: Σ loss of champion and of the other, rows; (3,). NaN: it does not count."""
+    back: np.ndarray
+    """As ``pair``, of champion and first champion."""
     scale: np.ndarray
     """Residual size that counts as 1 in a loss, (ny,)."""
     usual: Usual
@@ -166,6 +168,8 @@ class TwinState(NamedTuple):
     still: StillState
     recurrence: RecurrenceState
     trial: Any
+    recovery: Any
+    """Bets on the first champion, while another one is live."""
     scores: Scores
     agenda: Agenda
     watched: np.ndarray

@@ -1,7 +1,7 @@
 """Trial: nothing reaches the live model untested.
 
 `Trial` compares a challenger with the champion on unseen segments, `Probation` watches it after the
-promotion, `admit` says what it must show before.
+promotion, `Recovery` an earlier version for good, `admit` says what it must show before.
 """
 
 from __future__ import annotations
@@ -14,5 +14,6 @@ if TYPE_CHECKING:
     from evertwin.trial.admission import admit as admit
     from evertwin.trial.gate import Check as Check, GateState as GateState, Trial as Trial
     from evertwin.trial.probation import Probation as Probation
+    from evertwin.trial.recovery import Recovery as Recovery
 
 __getattr__ = surface(__name__)

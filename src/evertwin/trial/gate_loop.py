@@ -52,6 +52,44 @@ def run(
 
 
 @njit(cache=True)
+def since_better(
+    losses: Any, rule: Any, lengths: Any, grid: Any, ahead: Any, sums: Any, harm: Any, tally: Any
+) -> int:
+    """Folds segments into bets on the other version, which begin anew wherever the live one has
+    deviated less since they began; the index of the deciding segment, −1: none decides.
+
+    Args and sums as in `run`, but: ``losses`` of both versions, and the last row, (m, 3); the last
+    of ``rule`` is how often they have to have begun anew, which ``harm`` counts, before the last
+    row of their first segment.
+    """
+    for i in range(losses.shape[0]):
+        if tally[0] != OPEN:
+            return -1
+        live, other = math.sqrt(losses[i, 0]), math.sqrt(losses[i, 1])
+        if sums[1] + other >= sums[0] + live:
+            sums[:], tally[:] = 0.0, 0
+            ahead[0][:], ahead[1][:], ahead[2][:] = 0.0, 0, 0.0
+            ahead[3][:], ahead[4][:], ahead[5][:] = 0.0, 0.0, 0.0
+            harm[0] += 1.0
+            continue
+        if tally[1] == 0:
+            harm[1] = losses[i, 2]
+        # by the sum of both: a few large deviations while the machine goes back must not decide
+        whole = max(live + other, 1e-300)
+        place(live / whole, other / whole, rule[0], lengths, grid, ahead)
+        sums[0] += live
+        sums[1] += other
+        sums[2] += losses[i, 0]
+        sums[3] += losses[i, 1]
+        tally[1] += 1
+        enough = tally[1] >= rule[4] and harm[0] >= rule[5] and sums[1] <= (1.0 - rule[3]) * sums[0]
+        if enough and evidence(ahead) >= rule[1]:
+            tally[0] = OTHER
+            return i
+    return -1
+
+
+@njit(cache=True)
 def _verdict(rule: Any, ahead: Any, back: Any, sums: Any, harm: Any, tally: Any) -> int:
     """The verdict after this segment."""
     gain = 1.0 - sums[1] / sums[0] if sums[0] > 0.0 else 0.0

@@ -1,0 +1,126 @@
+"""Another version goes live: one that was tried, or an earlier one that fits again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from evertwin.fold import copy
+from evertwin.loop.decision import Decision
+from evertwin.loop.follow import EMPTY, Follow
+from evertwin.loop.looking import returned
+from evertwin.rows.ring import called
+from evertwin.setup.deviation import Sums, judged_deviation
+from evertwin.setup.scores import new_scores
+from evertwin.setup.twin_state import TRIAL, WATCH, TwinState
+from evertwin.trial.gate_loop import OPEN
+
+ALIKE = 0.5
+"""Share of the rows at least whose inputs lie where they lay before."""
+RARE = 0.05
+"""Share of the rows at either end of an input's range that tell nothing of where it lies."""
+
+
+def recovered(decision: Decision, follow: Follow) -> None:
+    """The first champion goes live again where it is within what is asked and has become much
+    nearer to the machine than the live version, as after a repair; what is on trial was learned
+    from the machine before it."""
+    state, agenda = decision.state, decision.state.agenda
+    found, evidence = follow.recovery.verdict(state.recovery)
+    if not found:
+        return
+    holds = agenda.told and evidence["deviation_other"] <= _asked(follow, state)
+    may = not agenda.pinned and agenda.brief < 0.0
+    if not (holds and may and _seen(follow, state, evidence["since"])):
+        state.recovery.tally[0] = OPEN  # the live version holds, or neither does: weighed on
+        return
+    if agenda.phase == TRIAL:
+        said = f"version {state.other.version} was learned before the machine went back"
+        decision.say("superseded", "", said, {"version": state.other.version})
+    live, old = state.live.version, state.first.version
+    since = evidence["since"]
+    why = f"from {called(since)} on the machine is again as at version {old}"
+    reason = f"version {old} replaces {live}: {why}, as after a repair: {evidence['sentence']}"
+    decision.say("rolled_back", "", reason, switched(follow, evidence, old))
+    returned(decision, follow.setup, follow.versions[live], follow.versions[old])
+    decision.state = goes_live(follow, state._replace(other=state.first), old, EMPTY, state.first)
+    hold = state.row + follow.setup.holdoff
+    decision.remember(phase=WATCH, hold=hold, since=max(agenda.since, since), again=0)
+
+
+def _seen(follow: Follow, state: TwinState, since: int) -> bool:
+    """Do inputs go about as they went while the live version did better? At others it may be that
+    one which is wrong, and the machine not as it was."""
+    ring = follow.setup.ring
+    learned = min(follow.versions[state.live.version].row, state.agenda.since)  # from such rows
+    none = np.empty((0, state.ring.u.shape[1]))
+    spans = ((learned, since), (since, state.row))
+    before, now = (
+        np.concatenate([none, *(one.u for one in ring.between(state.ring, *span))])
+        for span in spans
+    )
+    if not (len(before) and len(now)):
+        return False
+    low, high = np.nanquantile(before, (RARE, 1.0 - RARE), axis=0)
+    wide = (high - low) / 2
+    inside = (now >= low - wide) & (now <= high + wide) | np.isnan(now)
+    return bool(np.mean(inside.all(axis=1)) >= ALIKE)
+
+
+def _asked(follow: Follow, state: TwinState) -> float:
+    """Root of the loss of a version that is off by just what is asked."""
+    setup, usual, scale = follow.setup, state.scores.usual, state.scores.scale
+    ones = np.ones(len(scale), dtype=np.int64)
+    size = Sums(scale**2, usual.measured / np.maximum(usual.samples, 1), ones)
+    loss = np.square(setup.requirement / judged_deviation(size, setup.relative, usual))
+    return float(np.sqrt(np.mean(loss[setup.watched & (usual.samples > 0)])))
+
+
+def goes_live(follow: Follow, state: TwinState, number: int, other: Any, first: Any) -> TwinState:
+    """``number``, in the lane beside the live one, goes live from the state it has run to; the
+    scores begin anew."""
+    stage, p = follow.stages(number)[1], follow.versions[number].p
+    lane = state.other._replace(
+        horizon=stage.renew(copy(state.other.horizon), p),
+        track=_taken_over(follow, number, state),
+    )
+    if first.version == number:
+        first = EMPTY
+    elif first.version >= 0:
+        first = copy(first)
+    recovery = follow.recovery.init()
+    if other is not EMPTY:
+        other = other._replace(track=())
+        recovery.harm[0] = follow.recovery.before  # its trial has told that it did better
+    updates = np.array([_updates(lane), _updates(first)], dtype=np.int64)
+    scores = new_scores(state.scores.usual, updates, state.row, state.scores.scale)
+    return state._replace(
+        live=lane, stream=follow.goes_on(state, number), first=first, other=other,
+        scores=scores, agenda=state.agenda._replace(held=False, told=False, open=0),
+        trial=follow.setup.probation.init(), recovery=recovery,
+        detect=follow.setup.detect.anew(state.detect), external=follow.setup.external.init(),
+        # what waits is of the version that goes
+        newest=follow.setup.at_horizon.init(), waiting=follow.setup.residual_filter.init(),
+    )  # fmt: skip
+
+
+def switched(follow: Follow, evidence: Mapping[str, Any], number: int) -> dict[str, Any]:
+    """The evidence of a switch, with the version that goes live."""
+    return {**evidence, "version": number, "hash": follow.versions[number].hash}
+
+
+def _taken_over(follow: Follow, number: int, state: TwinState) -> Any:
+    """The champion's track, continued by another version with the arbiter's memory."""
+    old, _ = follow.stages(state.live.version)
+    new, _ = follow.stages(number)
+    track = new.take_over(copy(state.live.track), old, follow.versions[number].p)
+    hidden = len(old.model.states)
+    if len(track.x) > hidden and state.other.version == number:
+        track.x[hidden:] = state.other.horizon.x[hidden : len(track.x)]
+    return track
+
+
+def _updates(lane: Any) -> int:
+    return 0 if lane.version < 0 else int(lane.track.updates.sum())

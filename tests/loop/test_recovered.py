@@ -1,0 +1,87 @@
+"""What wears is repaired: the version from before goes live again, whatever is on trial."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from evertwin import FunctionModel, Layout, Twin, TwinSpec
+from evertwin.anomaly.spec import AnomalySpec
+from evertwin.config.spec import ModelSpec, ParameterSpec, PredictionSpec
+from evertwin.models import Parameters
+from evertwin.trial import Recovery
+
+WEARS, REPAIRED, END = 2000, 6000, 9000
+
+
+def axis(seed: int, worn: float, repaired: bool) -> dict[str, np.ndarray]:
+    """A force by a gain, which wears until it is repaired, or stays worn from then on."""
+    rng, n = np.random.default_rng(seed), END
+    u = np.sin(np.arange(n) * 0.07 + rng.uniform(0, 6)) + np.sin(np.arange(n) * 0.031)
+    share = np.clip((np.arange(n) - WEARS) / (REPAIRED - WEARS), 0.0, 1.0)
+    share[REPAIRED:] = 0.0 if repaired else 1.0
+    gain = 1.0 + worn * share
+    return {"t": np.arange(n) * 0.01, "u": u, "y": gain * u + 0.01 * rng.normal(size=n)}
+
+
+def twin() -> Twin:
+    model = FunctionModel(
+        lambda x, u, dt, p: (x, [p[0] * u[0]]), Layout.of(u="1"), Layout.of(y="1"),
+        parameters=Parameters.of(gain=(1.0, "1")),
+    )  # fmt: skip
+    spec = ModelSpec("given", {}, {"gain": ParameterSpec(editable=True)})
+    asked = AnomalySpec(requirement=0.05, relative=True)
+    ahead = PredictionSpec(horizon=0.1)
+    return Twin(TwinSpec("axis", spec, prediction=ahead, anomaly=asked), model)
+
+
+@pytest.mark.parametrize(("seed", "worn"), [(1, 0.3), (2, -0.25)])
+def test_a_repaired_machine_has_its_healthy_version_back_soon(seed: int, worn: float) -> None:
+    with twin() as axis_twin:
+        axis_twin.run(axis(seed, worn, repaired=True))
+        went = [e for e in axis_twin.events if e.kind == "promoted"]
+        back = [e for e in axis_twin.events if e.kind == "rolled_back"]
+    assert any(WEARS < e.row < REPAIRED for e in went), "the worn machine was learned"
+    assert [e.evidence["version"] for e in back] == [0], [e.reason for e in back]
+    assert REPAIRED < back[0].row < REPAIRED + 1000
+    assert "the machine is again as at version 0, as after a repair" in back[0].reason
+    assert abs(back[0].evidence["since"] - REPAIRED) < 200
+    assert not [e for e in went if e.row > REPAIRED]
+
+
+def test_a_machine_that_stays_worn_has_no_version_back() -> None:
+    with twin() as axis_twin:
+        axis_twin.run(axis(3, 0.3, repaired=False))
+        assert not [e for e in axis_twin.events if e.kind == "rolled_back"]
+
+
+def losses(seed: int, ratio: float, change: int, n: int = 400) -> np.ndarray:
+    """The live version is better by ``ratio`` up to a segment, and worse by it from there on."""
+    noise = np.random.default_rng(seed).uniform(0.5, 1.5, (n, 2))
+    at = np.arange(float(n))[:, None]
+    shared = noise * np.where(at < change, (1.0, ratio), (ratio, 1.0))
+    return np.hstack([shared**2, 10.0 * at])
+
+
+def decided(seed: int, ratio: float, change: int) -> int:
+    recovery = Recovery()
+    return recovery.step(recovery.init(), losses(seed, ratio, change))
+
+
+def test_how_long_the_live_version_did_better_delays_nothing() -> None:
+    for ratio, most in ((3.0, 40), (5.0, 20), (10.0, 10)):
+        found = np.array([decided(seed, ratio, 300) for seed in range(100)])
+        assert (found >= 300).all() and (found < 300 + most).all(), (ratio, found.max())
+
+
+def test_no_version_comes_back_that_is_no_better() -> None:
+    assert max(decided(seed, 1.0, 400) for seed in range(200)) < 0
+    assert max(decided(seed, 1.3, 0) for seed in range(100)) < 0, "not worth a switch"
+
+
+def test_where_segments_are_cut_does_not_matter() -> None:
+    recovery, rows = Recovery(), losses(1, 5.0, 300)
+    state = recovery.init()
+    found = [k for k in range(len(rows)) if recovery.step(state, rows[k : k + 1]) >= 0]
+    assert found == [decided(1, 5.0, 300)]
+    assert recovery.verdict(state)[1]["since"] == pytest.approx(3000, abs=20)
