@@ -90,10 +90,12 @@ def numbers(unit: str, recorded: str = "") -> Iterator[tuple[float, str]]:
     >>> sorted({told for number, told in numbers("1", "%")})
     ['a decimal prefix', 'a turned sign']
     """
-    pure = unit == "1" and recorded in ("", "1")
+    pure = unit == "1"
     for factor in FACTORS:
         if factor.units and not (
-            factor.number > PURE if pure else any(compatible(unit, u) for u in factor.units)
+            recorded in ("", "1") and factor.number > PURE
+            if pure
+            else any(compatible(unit, u) for u in factor.units)
         ):
             continue
         yield factor.number, factor.said
