@@ -19,13 +19,15 @@ At rest nothing is claimed: a hypothesis has to explain a deviation.
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from evertwin.errors import TooFew
 from evertwin.gauges.change import split
 from evertwin.gauges.gauge_rows import LEAST, Rows
 from evertwin.gauges.kinematic import contradicted
-from evertwin.gauges.misread import ALIKE, Reading, misread, possible
+from evertwin.gauges.misread import ALIKE, PIECES, Reading, misread, possible
 from evertwin.gauges.offset import HELD, NEAR, offset
 from evertwin.gauges.sensor_change import SensorChange, since_change, unmeasured
 from evertwin.gauges.silent import silent
@@ -36,7 +38,7 @@ from evertwin.setup.setup import Setup
 from evertwin.setup.task import Windows
 from evertwin.signals import wrap
 from evertwin.signals.mistaken import SIGN
-from evertwin.types import Outputs, ParameterVector
+from evertwin.types import Outputs, ParameterVector, Vector
 
 LEFT = 0.1
 """Largest share of the deviation's square that a reading leaves."""
@@ -121,7 +123,7 @@ def _reading(rows: Rows) -> SensorChange | None:
         ):
             continue
         left = _plausible(rows, one, first, stop) and _left(rows, one, first, stop)
-        if left:
+        if left and one.exact(partial(_in_parts, rows, (first, stop))):
             found.append((left, first, stop, one))
     if not found:
         return None
@@ -252,6 +254,8 @@ def _left(rows: Rows, one: Reading, first: int, stop: int) -> float:
     rough = was > LEFT * left and 1.0 / RARELY < one.number < RARELY and not one.exchanged
     usual = of_input or ((near or rough) and not shift)
     worse = CLEARLY if usual else 1.0 / LIKE_TUNING
+    if one.exchanged and left > LEFT * off:  # two that drift towards each other are half exchanged
+        return 0.0
     nearly = one.exchanged and left <= NEARLY * off and _together(rows, one) > 0
     good = excess <= LEFT * more and (nearly or _restored(rows, one, after, known))
     jumped = (not of_input or rival >= HALF) and _jumped(rows, one, first)
@@ -263,6 +267,16 @@ def _left(rows: Rows, one: Reading, first: int, stop: int) -> float:
         if told and count < rows.setup.enough:  # few rows are explained by many machines
             raise TooFew(f"{count} rows do not tell whether {one.said}")
     return max(left / off, 1e-12) if good and told else 0.0
+
+
+def _in_parts(rows: Rows, span: tuple[int, int], one: Reading) -> Vector:
+    """Squares that a reading leaves of each part of its rows, (parts,)."""
+    (first, stop), after = span, rows.under(one, rows.changed(*span, one.undone))
+    scored = np.flatnonzero(rows.scored(first)[:stop])
+    return np.array([
+        rows.total(after, np.isin(np.arange(rows.count), some))
+        for some in np.array_split(scored, PIECES)
+    ])  # fmt: skip
 
 
 def _usual(rows: Rows, one: Reading, first: int, known: np.ndarray) -> float:

@@ -13,7 +13,7 @@ like one whose x and y have their signs turned. Nothing is learned from such row
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import combinations
 from typing import NamedTuple
 
@@ -51,6 +51,14 @@ BRIEF = 200
 """Newest of them, which a reading has to better first; most better nothing."""
 HALF = 0.5
 """Share of their squared mismatch that it may leave."""
+BESIDE = 0.1
+"""So much more or less of a reading has to leave more; of a factor the relative change."""
+LITTLE = 0.1
+"""Share of what a reading takes away of a part by which it may be worse there than its likes."""
+NEARLY = 0.01
+"""The same of all parts together."""
+PIECES = 3
+"""Parts of the rows, each of which has to tell it."""
 ASIDE = 0.1
 """Part of the way that an exchange moves a channel by which it may miss where it lay."""
 FEW = 6
@@ -125,6 +133,32 @@ class Reading(NamedTuple):
         inside = (low - room <= usual) & (usual <= high + room)
         return bool((inside | ~self.moved | ~np.isfinite(usual)).all())
 
+    def partly(self, share: float) -> Reading:
+        """As much of it: 0 is as recorded, 1 all of it; of a factor alone its power."""
+        shifts, mixed = share * self.shifts, self.mixed
+        if not self.exchanged:
+            powers = np.abs(self.factors) ** share
+            alone = (self.factors > 0.0) & (self.shifts == 0.0)
+            factors = np.where(alone, powers, 1.0 + share * (self.factors - 1.0))
+            return self._replace(factors=factors, shifts=shifts)
+        same = np.eye(len(self.columns))
+        whole = (same if mixed is None else mixed)[list(self.columns)] * self.factors[:, None]
+        mixed = (same + share * (whole - same))[np.argsort(self.columns)]
+        return self._replace(factors=np.ones(len(same)), shifts=shifts, mixed=mixed)
+
+    def exact(self, off: Callable[[Reading], Vector]) -> bool:
+        """Are the rows further off by a tenth more or less of it, and each part of them by as good
+        as nothing nearer? What drifts, or a machine that changed, asks for another number.
+        ``off``: squares of each part, (parts,)."""
+        sizes, whole = np.abs(np.log(np.abs(self.factors))), self.exchanged or self.shifts.any()
+        step = BESIDE / (1.0 if whole or not sizes.any() else float(sizes.max()))
+        own, gone = off(self), off(self.partly(0.0))
+        sides = [off(self.partly(1.0 + by)) for by in (-step, step)]
+        least = np.min([own, *sides], axis=0)
+        more = np.maximum(gone - own, 0.0)
+        nearly = own.sum() - min(side.sum() for side in sides) <= NEARLY * more.sum()
+        return bool(nearly and (own - least <= LITTLE * more).all())
+
     def undone(self, window: Block) -> Block:
         """The rows as they would be, had they been read so."""
         nu, columns = window.u.shape[1], list(self.columns)
@@ -171,6 +205,14 @@ def misread(
             continue
         if count < min(setup.enough, ROWS):
             raise TooFew(f"{count} rows do not tell a turned sign or crossed columns from others")
+        if tuned is None:  # the version held: no number of it is far off
+
+            def off(one: Reading, rows: list[Block] = newest) -> Vector:
+                return _in_parts(_seen(setup, model, p, [one.undone(block) for block in rows]))
+
+            found = tuple(one for one in found if one.exact(off))
+        if not found:
+            continue
         share = 1.0 - _total(left) / _total(_off(setup, model, p, newest))
         names = found[0].channels
         return SensorChange(names[0], found[0].number, (
@@ -338,6 +380,14 @@ def _seen(setup: Setup, model: Model, p: ParameterVector, windows: Sequence[Bloc
         np.concatenate([getattr(one, side) for one in some]) for side in ("measured", "predicted")
     )
     return Changes(measured, predicted)
+
+
+def _in_parts(seen: Changes) -> Vector:
+    """Squared mismatch of each part of the rows, (parts,)."""
+    some = np.array_split(np.arange(len(seen.measured)), PIECES)
+    return np.array(
+        [_total(Changes(seen.measured[rows], seen.predicted[rows]).mismatch) for rows in some]
+    )
 
 
 def _total(off: Vector) -> float:

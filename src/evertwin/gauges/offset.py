@@ -22,6 +22,7 @@ from evertwin.fold import Mark
 from evertwin.gauges import in_words
 from evertwin.gauges.change import split
 from evertwin.gauges.constant import BLOCKS, Column, Constant, beside, left_with
+from evertwin.gauges.elsewhere import elsewhere
 from evertwin.gauges.gauge_rows import LEAST, Rows, residual, unchanged
 from evertwin.gauges.input_shift import of_inputs, shifted_inputs
 from evertwin.gauges.sensor_change import SensorChange, unmeasured
@@ -60,7 +61,8 @@ TRIED = 100
 
 
 def offset(rows: Rows) -> SensorChange | None:
-    """A constant on one channel that explains unseen rows as well as tuning does, or better.
+    """A constant on one channel that explains unseen rows as well as tuning does, or better; that
+    these are outside what the version was judged on, where no record of an input speaks for itself.
 
     Raises:
         TooFew: an output leapt, and rows are too few to tell.
@@ -74,7 +76,7 @@ def offset(rows: Rows) -> SensorChange | None:
     shifts = shifted_inputs(rows)
     if shifts and shifts[0].sure:
         return of_inputs(rows, shifts)
-    found = leapt(rows)
+    found = elsewhere(rows) or leapt(rows)
     if found is not None:
         return found
     watched = np.flatnonzero(rows.setup.watched).tolist()
@@ -345,6 +347,8 @@ def _stepped(rows: Rows, k: int, shift: float) -> bool:
         return _began(rows, k, shift)
     size = float(np.sqrt(np.nanmean(np.square(usual))))
     near = steps[max(rows.since - NEAR, 0) : rows.since + NEAR]
+    if k < len(rows.setup.model.inputs):  # of what jumped, the jump is the offset
+        return bool(abs(shift / near[np.nanargmax(np.abs(near))] - 1.0) < HALF)
     seen = np.abs(near / shift - 1.0) < HALF
     return bool(abs(shift) < OF_NOISE * size or seen.any())
 

@@ -17,7 +17,7 @@ from evertwin.gauges.exchanged import exchanged
 from evertwin.gauges.rescaled import rescaled
 from evertwin.gauges.sensor_change import SensorChange, since_change
 from evertwin.models import Model
-from evertwin.rows.channels import size_recorded
+from evertwin.rows.channels import size_recorded, unit_recorded
 from evertwin.setup.evaluation import predict
 from evertwin.setup.setup import Setup
 from evertwin.setup.task import Windows
@@ -126,7 +126,7 @@ def of_sensor(
     number = float(a @ b / (b @ b))
     if np.sum((a - number * b) ** 2) > (1.0 - EXPLAINED) * off:
         return None
-    for known, told in numbers(channel.unit):
+    for known, told in numbers(channel.unit, unit_recorded(setup.spec, channel.name)):
         if abs(number / known - 1.0) <= (ABOUT if known == SIGN else NEAR):
             return SensorChange(channel.name, number, (
                 f"{channel.name} is {number:.4g} times what is predicted, as {told} would make "

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 from evertwin.errors import DataError, ModelError
 from evertwin.gauges.change import suddenly
+from evertwin.gauges.elsewhere import elsewhere
 from evertwin.gauges.gauge import misgauged, reread
 from evertwin.gauges.input_alike import alike_inputs
 from evertwin.gauges.offset import leapt
@@ -63,7 +64,8 @@ def of_a_channel(
     found = misgauged(rows, still) if told else still
     if found or not (told or task.waits):
         return Asked(found)
-    if not told and (found := leapt(rows)):  # a step and its size, before what goes in lines
+    # a step and its size, before what goes in lines
+    if not told and (found := elsewhere(rows) or leapt(rows)):
         return Asked(found)
     change, alike = shifted_output(rows)  # of what no number of the machine explains, too
     return Asked(change, alike if change else alike + alike_inputs(rows))

@@ -41,6 +41,7 @@ from evertwin.refit.answering import (
 )
 from evertwin.refit.channels import caveats, of_a_channel
 from evertwin.refit.correcting import sought
+from evertwin.refit.fewest import fewest
 from evertwin.refit.judgement import NEARLY_ALL, judged, partly
 from evertwin.refit.named_cause import named_first
 from evertwin.refit.newest import after, newer, newest
@@ -232,14 +233,14 @@ class Work(Tuner):
         much = verdict.kind == "abnormal" or explained(fit, fit.noise) >= MUCH
         other, alike = of_a_channel(self, task, tuned, names, told=much)
         if other:  # the rows before it go on to tell how it was
-            return of_a_sensor(other, *events)
+            return of_a_sensor(other, *(events if other.channel else ()))
         if few is not None:
             raise few
-        if fit is not tuned[1]:
-            events.append(goes_on(problem.windows))
+        events += [goes_on(problem.windows)] if fit is not tuned[1] else []
+        if commissioned and not rounds:
+            problem, fit = fewest(self.setup, problem, fit, self.tune)
         events += not_told(fit)
-        said = verdict.reason + alike
-        events.append(event(verdict.kind, verdict.cause, said, verdict.evidence))
+        events.append(event(verdict.kind, verdict.cause, verdict.reason + alike, verdict.evidence))
         part = explained(fit, fit.noise)
         if task.waits and (verdict.kind == "normal" or verdict.alone) and part < MUCH:
             raise TooFew(f"tuning explains {100 * part:.0f} % of the deviation so far")

@@ -81,15 +81,21 @@ class Mistake(NamedTuple):
         return self.number * true + self.shift
 
 
-def numbers(unit: str) -> Iterator[tuple[float, str]]:
+def numbers(unit: str, recorded: str = "") -> Iterator[tuple[float, str]]:
     """Numbers that divide two units of a quantity (SI ``unit``), what they stand for; the inverses.
+    A pure number that is ``recorded`` in a unit, as per cent, is a share: of no other quantity.
 
     >>> [round(number, 4) for number, told in numbers("rad")][:3]
     [-1.0, 57.2958, 0.0175]
+    >>> sorted({told for number, told in numbers("1", "%")})
+    ['a decimal prefix', 'a turned sign']
     """
+    pure = unit == "1"
     for factor in FACTORS:
         if factor.units and not (
-            factor.number > PURE if unit == "1" else any(compatible(unit, u) for u in factor.units)
+            recorded in ("", "1") and factor.number > PURE
+            if pure
+            else any(compatible(unit, u) for u in factor.units)
         ):
             continue
         yield factor.number, factor.said
@@ -104,7 +110,7 @@ def mistaken(recorded: str, unit: str) -> Iterator[Mistake]:
     A factor or a sign is one of the number that is recorded, so about the zero of its unit.
     """
     scale, zero = conversion_of(recorded)
-    for number, said in numbers(unit):
+    for number, said in numbers(unit, recorded):
         yield Mistake(number, zero * (1.0 - number), said)
     if unit == "1" and recorded in ("", "1"):
         own = {name: (1.0, place / size) for name, (_, size, place) in _SCALES.items()}

@@ -1,0 +1,82 @@
+"""The fewest numbers that explain what changed: what the rows do not tell stays as it was.
+
+Rows at one operating point are explained by many numbers at once, each of them far from what it
+was, and elsewhere none of that holds. A machine that held, and changed, most likely changed in one
+number. So numbers are let go one after the other, the one that explains most first, and of several
+that explain as much the one that has to change least, until they leave about what all do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from evertwin.gauges.gauge_rows import residual
+from evertwin.setup.evaluation import falls_short
+from evertwin.setup.setup import Setup
+from evertwin.tuning import Fit, Problem
+from evertwin.tuning.recordings import beginning
+
+Tune: TypeAlias = Callable[[Problem], tuple[Problem, Fit, dict[str, Any]]]
+MANY = 8
+"""Numbers up to which each is tried alone."""
+ALIKE = 1.5
+"""What leaves so many times as much explains it as well."""
+LITTLE = 0.05
+"""Share of the squared deviation that counts as nothing."""
+
+
+def fewest(setup: Setup, problem: Problem, fit: Fit, tune: Tune) -> tuple[Problem, Fit]:
+    """What was tuned, and the fit, with as few of the numbers as explain the rows.
+
+    Args:
+        setup: says what is asked.
+        problem: tuned, on the rows since the machine changed; it starts where it held.
+        fit: of all its numbers.
+        tune: as the candidate is tuned.
+    """
+    begins = beginning(problem.model, problem.names)
+    names = tuple(name for name in problem.names if name not in begins)
+    if not (1 < len(names) <= MANY and fit.converged):
+        return problem, fit
+    used, start = problem.rows.used, residual(problem, problem.start)
+    size = np.sqrt(np.nanmean(np.square(start), axis=0))
+    size = np.where(np.isfinite(size) & (size > 0.0), size, 1.0)
+
+    def off(one: Problem, values: np.ndarray) -> float:
+        left = np.where(used, one.residuals(values), np.nan) / size
+        return float(np.nansum(np.square(left)))
+
+    whole, before = off(problem, fit.values), off(problem, problem.start)
+    if not whole < before:  # all of them tell nothing
+        return problem, fit
+    enough = max(ALIKE * whole, LITTLE * before)
+    reached = not falls_short(setup, problem, fit)
+    chosen = tuple[str, ...]()
+    while len(chosen) < len(names) - 1:
+        tried = list[tuple[float, float, str, Problem, Fit]]()
+        for name in names:
+            if name in chosen:
+                continue
+            posed, found, _ = tune(problem.tuning((*chosen, name, *begins)))
+            if found.converged and name in found.names and not found.at_bound:
+                left = off(posed, found.values)
+                tried.append((left, _moved(posed, found, name), name, posed, found))
+        if not tried:
+            break
+        alike = max(enough, ALIKE * min(left for left, *_ in tried))
+        left, _, name, posed, found = min(
+            (one for one in tried if one[0] <= alike), key=lambda one: one[1]
+        )
+        chosen = (*chosen, name)
+        if left <= enough and not (reached and falls_short(setup, posed, found)):
+            return posed, found
+    return problem, fit
+
+
+def _moved(problem: Problem, fit: Fit, name: str) -> float:
+    """How far a number moves, of its size before."""
+    start, value = float(problem.start[problem.names.index(name)]), fit[name]
+    return abs(value - start) / max(abs(start), 1e-12 * abs(value), 1e-300)

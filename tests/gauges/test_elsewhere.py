@@ -1,0 +1,61 @@
+"""Off where the inputs had never been: neither a sensor nor the machine is blamed for it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from evertwin.config.spec import AnomalySpec, ModelSpec, Span, TwinSpec
+from evertwin.fold import make_block
+from evertwin.gauges.elsewhere import elsewhere
+from evertwin.gauges.gauge_rows import Rows
+from evertwin.models import FunctionModel, Parameters
+from evertwin.setup.setup import Setup
+from evertwin.setup.task import Windows
+from evertwin.signals import Layout
+from evertwin.tuning import Problem, solve
+from evertwin.types import Vector
+
+ROWS, AT, SEEDS = 1600, 1000, range(10)
+LINE = FunctionModel(
+    lambda x, u, dt, p: ([], [p[0] * u[0] + p[1] * u[1]]),
+    Layout.of(load="N", room="K"), Layout.of(power="W"),
+    parameters=Parameters.of(k=(2.0, "W/N"), c=(0.1, "W/K")),
+)  # fmt: skip
+
+
+def said(seed: int, *, more: float = 0.0, bent: float = 0.0, gain: float = 1.0,
+         strays: float = 0.0) -> str:  # fmt: skip
+    """What is told of a load that is ``more`` from AT on, of a machine that is ``bent`` beyond its
+    range and has another ``gain`` since; the room strays all the while."""
+    rng, late = np.random.default_rng(seed), np.arange(ROWS) >= AT
+    load = np.repeat(rng.uniform(1.0, 5.0, ROWS // 20), 20) + more * late
+    room: Vector = 293.0 + strays * np.linspace(-1.0, 1.0, ROWS) + rng.normal(0.0, 0.05, ROWS)
+    power = 2.0 * load * np.where(late, gain, 1.0) + bent * np.maximum(load - 5.0, 0.0) ** 2
+    y = (power + 0.1 * room + rng.normal(0.0, 0.1, ROWS))[:, None]
+    windows = (make_block(t=np.arange(ROWS) * 10**9, u=np.c_[load, room], y=y),)
+    anomaly = AnomalySpec(0.05, window=Span(300))
+    setup = Setup(TwinSpec("line", ModelSpec("python"), anomaly=anomaly), LINE)
+
+    def pose(some: Windows) -> Problem:
+        return Problem(LINE, some)
+
+    problem = pose(windows)
+    found = elsewhere(Rows(setup, pose, windows, problem, solve(problem), solve))
+    return found.said if found else ""
+
+
+@pytest.mark.parametrize("more", [2.0, 4.0, 8.0])
+def test_a_form_that_does_not_hold_elsewhere_blames_nobody(more: float) -> None:
+    told = [said(seed, more=more, bent=0.5) for seed in SEEDS]
+    assert sum("load was never above" in one for one in told) >= 0.9 * len(SEEDS)
+
+
+@pytest.mark.parametrize("strays", [0.0, 0.3, 1.0, 3.0])
+@pytest.mark.parametrize("gain", [0.8, 1.3])
+def test_a_machine_that_changed_where_it_was_known_is_one(gain: float, strays: float) -> None:
+    assert not any(said(seed, gain=gain, strays=strays) for seed in SEEDS)
+
+
+def test_a_form_that_holds_elsewhere_says_nothing() -> None:
+    assert not any(said(seed, more=4.0) for seed in SEEDS)
