@@ -13,18 +13,17 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from evertwin.models.contract import Model
 from evertwin.models.form import Term
 from evertwin.models.parameters import Parameter
 from evertwin.models.terms.contract import (
     SIMPLE,
     Candidate,
-    CorrectionTerm,
     Functions,
     Intervals,
     told,
 )
 from evertwin.models.terms.kernel import placed
+from evertwin.models.terms.of_state import StateTerm
 from evertwin.models.terms.rows import Rows
 
 
@@ -40,29 +39,20 @@ def after(at: Any, dt: float, p: Any, x: Any, ahead: Any, y: Any) -> int:
     return 0
 
 
-class Leak(CorrectionTerm):
+class Leak(StateTerm):
     """See the module.
 
     >>> KIND.say(Term("leak", "level"), (0.02, -0.01), "m", {})
     'level: gains 0.02 m/s and loses 0.01 1/s of itself'
+    >>> KIND.say(Term("leak", "level"), (0.0, -0.01), "m", {"share": (-0.02, -0.005)})
+    'level: loses 0.01 (0.005 to 0.02) 1/s of itself'
     """
 
-    kind, rank = "leak", 2
+    kind = "leak"
     functions = Functions(after=after)
 
     def parameters(self, term: Term, unit: str, source: str) -> Sequence[Parameter]:
-        return [Parameter("flow", 0.0, f"({unit})/s"), Parameter("share", 0.0, "1/s")]
-
-    def channel(self, term: Term, model: Model) -> int:
-        return model.states.index(term.channel)
-
-    def unit(self, term: Term, model: Model) -> str:
-        return model.states.units[self.channel(term, model)]
-
-    def extra(self, term: Term, model: Model) -> int:
-        """The output that shows the state; −1: none."""
-        names = model.outputs.names
-        return names.index(term.channel) if term.channel in names else -1
+        return [Parameter("flow", 0.0, f"{unit}/s"), Parameter("share", 0.0, "1/s")]
 
     def propose(self, rows: Rows) -> Iterator[Candidate]:
         """From nothing: the horizon sets the scale."""
@@ -75,12 +65,20 @@ class Leak(CorrectionTerm):
 
     def say(self, term: Term, values: Sequence[float], unit: str, intervals: Intervals) -> str:
         parts = [
-            f"{'gains' if value > 0 else 'loses'} {told(name, abs(value), own, intervals)}{of}"
+            f"{'gains' if value > 0 else 'loses'} {_size(name, value, own, intervals)}{of}"
             for name, value, own, of in (
                 ("flow", values[0], f"{unit}/s", ""), ("share", values[1], "1/s", " of itself")
             ) if value
         ]  # fmt: skip
         return f"{term.channel}: {' and '.join(parts) or 'gains nothing'}"
+
+
+def _size(name: str, value: float, unit: str, intervals: Intervals) -> str:
+    """What is lost is told by its size."""
+    if value < 0.0 and name in intervals:
+        low, high = intervals[name]
+        intervals = {name: (-high, -low)}
+    return told(name, abs(value), unit, intervals)
 
 
 KIND = Leak()

@@ -18,12 +18,12 @@ from evertwin.models.parameters import Parameter
 from evertwin.models.terms.contract import (
     SHAPED,
     Candidate,
-    CorrectionTerm,
     Functions,
     Intervals,
     told,
 )
 from evertwin.models.terms.kernel import placed
+from evertwin.models.terms.of_state import StateTerm
 from evertwin.models.terms.rows import Rows
 from evertwin.signals.channels import Channel
 from evertwin.types import ParameterVector, StateVector
@@ -54,30 +54,19 @@ def adopted(at: Any, before: Any, x: Any) -> int:
     return 0
 
 
-class ExtraState(CorrectionTerm):
+class ExtraState(StateTerm):
     """See the module.
 
     >>> KIND.say(Term("state", "T"), (0.3, 0.1, -4.0), "K", {})
     'T: exchanges with a hidden state, 0.3 1/s there and 0.1 1/s back, which starts -4 K apart'
     """
 
-    kind, rank, initials = "state", 2, ("start",)
+    kind, initials = "state", ("start",)
     functions = Functions(after=after, adopted=adopted)
 
     def parameters(self, term: Term, unit: str, source: str) -> Sequence[Parameter]:
         rates = [Parameter(name, 0.0, "1/s", low=0.0) for name in ("loss", "gain")]
         return [*rates, Parameter("start", 0.0, unit)]
-
-    def channel(self, term: Term, model: Model) -> int:
-        return model.states.index(term.channel)
-
-    def unit(self, term: Term, model: Model) -> str:
-        return model.states.units[self.channel(term, model)]
-
-    def extra(self, term: Term, model: Model) -> int:
-        """The output that shows the state; −1: none."""
-        names = model.outputs.names
-        return names.index(term.channel) if term.channel in names else -1
 
     def memory(self, term: Term, number: int, model: Model) -> Sequence[Channel]:
         stem = f"state{number}"
