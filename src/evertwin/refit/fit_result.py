@@ -37,6 +37,8 @@ class Held(NamedTuple):
     """Was it asked of recordings that were not learned from?"""
     outputs: Mapping[str, tuple[float, str, str]]
     """Output → what it is off by, as the requirement has it, and both in words."""
+    advice: str = ""
+    """What may help where it is not reached."""
 
     @property
     def reached(self) -> bool:
@@ -65,7 +67,10 @@ class Held(NamedTuple):
         told = ", ".join(
             f"{name} is off by {shown[name][0]} (limit {shown[name][1]})" for name in far or shown
         )
-        return f"requirement {where}: {'not reached' if far else 'reached'}: {told}"
+        reached = "not reached" if far else "reached"
+        return f"requirement {where}: {reached}: {told}" + (
+            f"; {self.advice}" if far and self.advice else ""
+        )
 
 
 @dataclass(frozen=True)

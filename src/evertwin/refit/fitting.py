@@ -51,6 +51,7 @@ from evertwin.tuning.minima import lowest
 from evertwin.tuning.tangent import leaning, searched, told
 from evertwin.types import ParameterVector
 
+SEEK = "[correction] channels, terms and in_fit = true seek what the form lacks"
 Watch: TypeAlias = Callable[[int, float], bool]
 """Called with (evaluations so far, cost) while a search runs; False ends it, best so far kept."""
 
@@ -254,7 +255,8 @@ def _held(
         for k, name in enumerate(model.outputs.names)
         if setup.watched[k] and math.isfinite(off[k])
     }
-    return Held(setup.requirement, setup.relative, bool(seen[1]), outputs)
+    advice = "" if setup.static or setup.spec.correction.in_fit else SEEK
+    return Held(setup.requirement, setup.relative, bool(seen[1]), outputs, advice)
 
 
 def _spoiled(model: Model, tasks: tuple[Block, ...]) -> dict[str, int]:
