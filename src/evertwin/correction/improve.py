@@ -60,6 +60,8 @@ UNASKED = 1e6
 SWAP = 1.0
 """Standard errors by which a richer term has to be better than the simpler ones in whose place it
 comes: of forms that both pay, the simplest within one standard error of the best."""
+MANY = 30
+"""Segments from which on their scatter is known."""
 NEAR = 0.01
 """Held-out deviations this near are equal: the simpler term wins."""
 
@@ -91,7 +93,7 @@ class Selection:
     beside: bool = False
     """Are they fitted beside every term, where they are few? Few rows may not be sure of a term
     beside numbers that could do nearly as well."""
-    least: int = 30
+    least: int = MANY
     """Fewest segments that a search may be based on."""
 
     def __post_init__(self) -> None:
@@ -367,11 +369,11 @@ def _compared(
     candidate: Candidate, replaced: tuple[Term, ...], before: Vector, after: Scored
 ) -> _Option:
     paired = before - after.deviations
-    error = float(paired.std(ddof=1)) / np.sqrt(len(paired))
+    error = float(paired.std()) / np.sqrt(len(paired))
     gain = 1.0 - after.mean / max(mean_deviation(before), TINY)
-    seen = float(paired.mean()) / max(error, TINY)
-    # of few segments the scatter is known badly: the deviate of equal chance under a normal
-    sure = -float(ndtri(stdtr(len(paired) - 1, -seen)))
+    sure = float(paired.mean()) / max(error, TINY)
+    if len(paired) < MANY:  # the scatter is known badly: the deviate of equal chance under a normal
+        sure = -float(ndtri(stdtr(len(paired) - 1, -sure)))
     return _Option(after, candidate, replaced, before, gain, sure)
 
 

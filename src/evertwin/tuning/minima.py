@@ -21,6 +21,7 @@ from dataclasses import replace
 import numpy as np
 
 from evertwin.fold import take
+from evertwin.tuning.assemble import rms
 from evertwin.tuning.nonlinear import least_squares
 from evertwin.tuning.problem import Problem
 from evertwin.types import PerOutput, Vector
@@ -29,7 +30,8 @@ PARTS, FEWEST = (1 / 32, 1 / 16, 1 / 8, 1 / 4, 0.36, 0.5, 0.6, 0.7, 0.8, 0.9), 2
 """Shares of each recording that are fitted before the whole, of so many rows at least: the longer a
 motion, the less its end forgives."""
 ALIKE = 1.0
-"""Von Neumann's ratio of noise is 2; at half of it as much is alike in neighbours as is noise."""
+"""Neighbours in noise differ by √2 of its size; by once of it where as much of a residual is alike
+in them as is noise (von Neumann's ratio)."""
 LESS = 0.9
 """Share of the residual that another minimum has to leave at most."""
 
@@ -42,7 +44,8 @@ def lowest(problem: Problem) -> Problem:
     if not alike:
         return problem
     found = least_squares(problem, problem.settings, start=_grown(problem)).values
-    if not np.mean(_left(problem, found)[0] / left) < LESS:
+    share = _left(problem, found)[0][left > 0.0] / left[left > 0.0]
+    if not (len(share) and np.mean(share) < LESS):
         return problem
     return replace(problem, prior=problem.parameters.with_values(problem.full(found)))
 
@@ -61,7 +64,5 @@ def _grown(problem: Problem) -> Vector:
 def _left(problem: Problem, values: Vector) -> tuple[PerOutput, bool]:
     """Rms residual per output, (ny,), and are neighbours in one alike?"""
     r = np.where(problem.rows.used, problem.residuals(values), np.nan)
-    with np.errstate(over="ignore", invalid="ignore"):
-        square = np.nanmean(np.square(r), axis=0)
-        ratio = np.nanmean(np.square(np.diff(r, axis=0)), axis=0) / square
-    return np.sqrt(square), bool((ratio < ALIKE).any())
+    left = rms(r)
+    return left, bool((rms(np.diff(r, axis=0)) < ALIKE * left).any())
