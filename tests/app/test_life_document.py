@@ -208,11 +208,14 @@ def test_init_of_a_series_that_tells_wear_names_its_command(
 
 
 def test_init_of_a_recording_hints_at_wear_where_it_may_be(folder: Path, call: Command) -> None:
-    rows = [f"{600 * k},{np.sin(k):.4f},{np.cos(k):.4f}" for k in range(40)]
+    rows = [f"{600 * k},{k + np.sin(k):.4f},{np.cos(k):.4f}" for k in range(40)]
     (folder / "plant.csv").write_text("t,u,y\n" + "\n".join(rows) + "\n")
     told = call("init", "plant.csv", "-o", "plant.toml")
     assert told.code == 0 and (folder / "plant.toml").exists()
     assert "evertwin life plant.csv --column u --limit X" in told.err
+    swings = [f"{600 * k},{np.sin(k):.4f},{np.cos(k):.4f}" for k in range(40)]
+    (folder / "swings.csv").write_text("t,u,y\n" + "\n".join(swings) + "\n")
+    assert "life" not in call("init", "swings.csv", "-o", "swings.toml").err
     fast = [f"{0.01 * k},{np.sin(k):.4f},{np.cos(k):.4f}" for k in range(40)]
     (folder / "axis.csv").write_text("t,u,y\n" + "\n".join(fast) + "\n")
     assert "life" not in call("init", "axis.csv", "-o", "axis.toml").err

@@ -81,6 +81,6 @@ def test_a_law_that_never_held_climbs() -> None:
 def test_a_candidate_names_what_moved_though_it_is_weak() -> None:
     with opened() as twin:
         work, problem = posed(twin, rows(KNOWN | {"Fc": 52.0}, 4.0))
-        task = Task("fit", twin._versions[1], problem.windows, 0, commissioned=True)
+        task = Task("fit", twin._versions[1], problem.windows, 0)
         found = work.content(task)["candidate"]
         assert isinstance(found, dict) and "offset (weak)" in str(found["reason"])

@@ -91,8 +91,7 @@ class Selection:
     numbers: tuple[str, ...] = ()
     """Numbers of the base model that may take over the gain of a law."""
     beside: bool = False
-    """Are they fitted beside every term, where they are few? Few rows may not be sure of a term
-    beside numbers that could do nearly as well."""
+    """Are they fitted beside every term? Few rows may not be sure of a term beside them."""
     least: int = MANY
     """Fewest segments that a search may be based on."""
 

@@ -8,7 +8,8 @@ from typing import Any
 from evertwin.gauges.sensor_change import SensorChange
 from evertwin.rows.ring import called
 from evertwin.setup.task import Windows
-from evertwin.tuning import Fit
+from evertwin.tuning import Fit, Problem
+from evertwin.tuning.recordings import beginning
 
 
 def event(kind: str, signal: str, reason: str, evidence: Mapping[str, Any]) -> dict[str, Any]:
@@ -34,12 +35,13 @@ def goes_on(new: Windows) -> dict[str, Any]:
     return event("changed", "", said, {"row": new[0].row, "time": int(new[0].t[0])})
 
 
-def not_told(fit: Fit) -> list[dict[str, Any]]:
-    """An event for each number that the rows do not determine."""
+def not_told(problem: Problem, fit: Fit) -> list[dict[str, Any]]:
+    """An event for each number of the machine that the rows do not determine."""
+    begins = beginning(problem.model, fit.names)
     return [
         event("not_identifiable", name, reason, {"verdict": verdict})
         for name, reason, verdict in zip(fit.names, fit.reasons, fit.verdict, strict=True)
-        if verdict == "not"
+        if verdict == "not" and name not in begins
     ]
 
 

@@ -239,7 +239,7 @@ class Work(Tuner):
         events += [goes_on(problem.windows)] if fit is not tuned[1] else []
         if commissioned and not rounds:
             problem, fit = fewest(self.setup, problem, fit, self.tune)
-        events += not_told(fit)
+        events += not_told(problem, fit)
         events.append(event(verdict.kind, verdict.cause, verdict.reason + alike, verdict.evidence))
         part = explained(fit, fit.noise)
         if task.waits and (verdict.kind == "normal" or verdict.alone) and part < MUCH:

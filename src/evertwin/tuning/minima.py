@@ -32,6 +32,8 @@ motion, the less its end forgives."""
 ALIKE = 1.0
 """Neighbours in noise differ by √2 of its size; by once of it where as much of a residual is alike
 in them as is noise (von Neumann's ratio)."""
+SOME = 1e-6
+"""Share of the measurement below which nothing is left."""
 LESS = 0.9
 """Share of the residual that another minimum has to leave at most."""
 
@@ -64,5 +66,5 @@ def _grown(problem: Problem) -> Vector:
 def _left(problem: Problem, values: Vector) -> tuple[PerOutput, bool]:
     """Rms residual per output, (ny,), and are neighbours in one alike?"""
     r = np.where(problem.rows.used, problem.residuals(values), np.nan)
-    left = rms(r)
-    return left, bool((rms(np.diff(r, axis=0)) < ALIKE * left).any())
+    left, some = rms(r), SOME * rms(problem.rows.y)
+    return left, bool(((rms(np.diff(r, axis=0)) < ALIKE * left) & (left > some)).any())
