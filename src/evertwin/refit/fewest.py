@@ -22,10 +22,8 @@ from evertwin.tuning.recordings import beginning
 Tune: TypeAlias = Callable[[Problem], tuple[Problem, Fit, dict[str, Any]]]
 MANY = 8
 """Numbers up to which each is tried alone."""
-ALIKE = 1.5
-"""What leaves so many times as much explains it as well."""
 LITTLE = 0.05
-"""Share of the squared deviation that counts as nothing."""
+"""Share of what is explained that counts as nothing: what all else leaves is the same for all."""
 
 
 def fewest(setup: Setup, problem: Problem, fit: Fit, tune: Tune) -> tuple[Problem, Fit]:
@@ -52,7 +50,7 @@ def fewest(setup: Setup, problem: Problem, fit: Fit, tune: Tune) -> tuple[Proble
     whole, before = off(problem, fit.values), off(problem, problem.start)
     if not whole < before:  # all of them tell nothing
         return problem, fit
-    enough = max(ALIKE * whole, LITTLE * before)
+    enough = whole + LITTLE * (before - whole)
     reached = not falls_short(setup, problem, fit)
     chosen = tuple[str, ...]()
     while len(chosen) < len(names) - 1:
@@ -66,7 +64,8 @@ def fewest(setup: Setup, problem: Problem, fit: Fit, tune: Tune) -> tuple[Proble
                 tried.append((left, _moved(posed, found, name), name, posed, found))
         if not tried:
             break
-        alike = max(enough, ALIKE * min(left for left, *_ in tried))
+        least = min(left for left, *_ in tried)
+        alike = max(enough, least + LITTLE * (before - least))
         left, _, name, posed, found = min(
             (one for one in tried if one[0] <= alike), key=lambda one: one[1]
         )
