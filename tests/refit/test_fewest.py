@@ -53,3 +53,24 @@ def test_two_numbers_that_changed_both_move_where_rows_tell_them() -> None:
         found = learned(seed, everywhere=True, k0=0.15, k1=0.11)
         assert {"k0", "k1"} <= set(found)
         assert abs(found["k0"] - 0.15) < 0.03 and abs(found["k1"] - 0.11) < 0.03
+
+
+def test_of_six_joints_the_one_that_changed_moves() -> None:
+    """What the other five leave is as much with it as without."""
+    names = [f"c{k}" for k in range(6)]
+    joints = FunctionModel(
+        lambda x, u, dt, p: ([], [p[k] * u[k] for k in range(6)]),
+        Layout.of(**{f"w{k}": "rad/s" for k in range(6)}),
+        Layout.of(**{f"tau{k}": "Nm" for k in range(6)}),
+        parameters=Parameters.of(**dict.fromkeys(names, (3.0, "Nm*s/rad"))),
+    )
+    setup = Setup(TwinSpec("joints", ModelSpec("python"), anomaly=AnomalySpec(0.05)), joints)
+    for seed in SEEDS:
+        rng = np.random.default_rng(seed)
+        u = rng.normal(size=(ROWS, 6))
+        p = joints.parameters.with_values({"c2": 4.0}).values
+        _, y = joints.simulate(np.zeros(0), u, np.ones(ROWS), p)
+        rows = make_block(t=np.arange(ROWS), u=u, y=y + rng.normal(0.0, 0.3, y.shape))
+        problem = Problem(joints, (rows,))
+        _, fit = fewest(setup, problem, solve(problem), tuned)
+        assert "c2" in fit.names and abs(fit["c2"] - 4.0) < 0.1
