@@ -20,8 +20,8 @@ from evertwin.tuning import Fit, Problem
 from evertwin.tuning.recordings import beginning
 
 Tune: TypeAlias = Callable[[Problem], tuple[Problem, Fit, dict[str, Any]]]
-MANY = 8
-"""Numbers up to which each is tried alone."""
+MANY = 4
+"""Numbers up to which each is tried alone: with more the answer comes late, a fit for each."""
 LITTLE = 0.05
 """Share of what is explained that counts as nothing: what all else leaves is the same for all."""
 
