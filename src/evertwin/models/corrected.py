@@ -33,7 +33,7 @@ import numpy as np
 
 from evertwin.models.batch import grouped, rolled
 from evertwin.models.compiled import Compiled
-from evertwin.models.contract import BatchModel, Model
+from evertwin.models.contract import Model
 from evertwin.models.form import Form, Term
 from evertwin.models.function import kernel_of
 from evertwin.models.kernel import Kernel, Layer, Restart
@@ -165,12 +165,16 @@ class Corrected:
         named = (pair for part in self.parts for pair in zip(part.local, part.names, strict=True))
         return self.model.parameters + Parameters(tuple(replace(p, name=n) for p, n in named))
 
-    @property
+    @cached_property
     def initials(self) -> tuple[str, ...]:
         """Parameters that are an unmeasured state at the start of a recording."""
         inner: tuple[str, ...] = getattr(self.model, "initials", ())
-        owned = ((name, self.owner(name)) for part in self.parts for name in part.names)
-        return (*inner, *(name for name, own in owned if own and own.local in own.kind.initials))
+        owned = (
+            (name, local.name in part.kind.initials)
+            for part in self.parts
+            for local, name in zip(part.local, part.names, strict=True)
+        )
+        return (*inner, *(name for name, starts in owned if starts))
 
     def names_of(self, number: int) -> tuple[str, ...]:
         """Names of the parameters of term ``number``."""
@@ -256,7 +260,7 @@ class Corrected:
         restart = restart or Restart.never(len(u), len(self.outputs))
         model = self.model
         behind = any(own.functions.after is not None for own in self._kinds)
-        if behind or not isinstance(model, BatchModel):
+        if behind or not hasattr(model, "simulate_batch"):
             return rolled(self.kernel(), x, (u, dt, restart), p)
         nx, n_p = len(model.states), len(model.parameters)
         u = np.ascontiguousarray(u)

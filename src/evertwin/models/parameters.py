@@ -74,9 +74,9 @@ class Parameters:
     items: tuple[Parameter, ...] = field(default=())
 
     def __post_init__(self) -> None:
-        for name in self.names:
-            if self.names.count(name) > 1:
-                raise UsageError(f"parameters: expected each name once, got {name!r} twice")
+        if len(self._places) < len(self.names):
+            twice = next(name for name in self.names if self.names.count(name) > 1)
+            raise UsageError(f"parameters: expected each name once, got {twice!r} twice")
 
     @classmethod
     def of(cls, **items: tuple[float, str]) -> Parameters:
