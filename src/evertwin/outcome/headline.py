@@ -68,7 +68,7 @@ def headline(
     refused = open_faults(events)
     faults = {**stepped, **refused}
     if known:
-        outcome = _outcome(setup, known, versions, events, trial)
+        outcome = _outcome(setup, known, versions, events, trial, measured)
         if refused.keys() & {one.group for one in setup.model.outputs}:
             outcome = FITS.sub("On the rows that were believed it is within what is asked", outcome)
     elif champion.number:
@@ -173,7 +173,7 @@ def _contacts(events: Sequence[Event]) -> tuple[int, list[Event]]:
 
 def _outcome(
     setup: Setup, known: Mapping[str, OutputFigures], versions: tuple[Version, ...],
-    events: Sequence[Event], trial: OpenTrial | None,
+    events: Sequence[Event], trial: OpenTrial | None, measured: int,
 ) -> str:  # fmt: skip
     champion = versions[0]
     changed = {name: f for name, f in known.items() if f.after != f.before and f.before > 0}
@@ -190,7 +190,7 @@ def _outcome(
     shares = setup.relative and setup.decides and len(known) <= FEW
     now, lead = _sizes(known, "off", shares=shares), _lead(setup)
     off = {n: f for n, f in known.items() if f.judged > setup.requirement}
-    found = nothing_better(setup, events, trial)
+    found = nothing_better(setup, events, trial, measured)
     still, asked = "", _asked(setup, known)
     if off:
         still = f" Still, {_off(setup, off)}, and {found}."
