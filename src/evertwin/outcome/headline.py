@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from evertwin.fold import Event
+from evertwin.gauges.elsewhere import OUTSIDE
 from evertwin.models.form import Version
 from evertwin.outcome.changes import changes
 from evertwin.outcome.jumps import forgotten, jumps
@@ -79,8 +80,9 @@ def headline(
     else:
         outcome = f"Nothing was predicted: {_why_none(measured)}."
     told = [*faults.values(), outcome, *went_back(events)]
-    if doubted and doubted not in outcome:
-        told.insert(0, f"{doubted[0].upper()}{doubted[1:]}.")
+    if doubted and doubted not in outcome:  # of a sensor in front; the machine may be elsewhere
+        place = len(told) if doubted.startswith(OUTSIDE) else 0
+        told.insert(place, f"{doubted[0].upper()}{doubted[1:]}.")
     told += map(_sentence, (*_last(events, "state"), *_last(events, "followed")))
     doubts = _doubts(events, faults, max(measured, events[-1].row if events else 0))
     if doubts:
