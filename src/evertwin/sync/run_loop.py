@@ -59,13 +59,14 @@ def near_square(values: Any, numbers: Any, g: int, j: int) -> float:
 
 @njit(**HOT)
 def learn_noise(values: Any, numbers: Any, room: Any, g: int, size: int) -> None:
-    """One more trusted innovation, for the noise of the sensor; not of one that may be frozen."""
+    """One more trusted innovation, for the noise of the sensor; not of one that may be frozen, nor
+    while nothing says which is an outlier."""
     share = 1.0 / min(max(numbers[g, at.SAMPLES], 1), MEMORY)
     alone = numbers[g, at.RUN + NEAR] < 2
     for k in range(size):
         j = room[k]
         nu, before = values[j, at.NU], values[j, at.NU_BEFORE]
-        if alone and before == before:
+        if alone and before == before and values[j, at.BASE] < np.inf:
             most = USUAL * max(values[j, at.NOISE], values[j, at.BASE])
             spoken = min(max(-nu * before, -most), most)
             values[j, at.NOISE] += (spoken - values[j, at.NOISE]) * share
