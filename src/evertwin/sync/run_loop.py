@@ -304,7 +304,8 @@ def is_frozen(rules: Any, memory: Any, room: Any, g: int, size: int) -> bool:
             moved = enough(rules, values, numbers, g, j, kind)
             if noisy and abs(values[j, at.GONE + kind]) >= levels * moved:
                 if numbers[g, at.CAUSE] != FROZEN:
-                    numbers[g, at.HELD_BY] = kind
+                    equal = numbers[g, at.RUN + EQUAL] >= numbers[g, at.RUN + kind]
+                    numbers[g, at.HELD_BY] = EQUAL if equal else kind
                 return True
     return False
 
