@@ -172,6 +172,8 @@ def test_a_step_that_draws_numbers_is_not_fitted(rows: dict[str, Any]) -> None:
     for _ in range(10):
         with pytest.raises(ModelError, match="other outputs when the same rows are simulated"):
             twin_of(drawing).fit(rows)
+    said = twin_of(drawing).run(rows).headline
+    assert "nothing could be tuned: the model gives other outputs" in said
 
 
 def test_what_an_object_closes_over_is_in_its_machine_code(rows: dict[str, Any]) -> None:
