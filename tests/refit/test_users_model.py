@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -13,7 +13,8 @@ import pytest
 from evertwin import FunctionModel, Layout, Parameters, Twin, TwinSpec
 from evertwin.app.cli import main
 from evertwin.config import spec
-from evertwin.errors import ModelError
+from evertwin.errors import ModelError, UsageError
+from evertwin.machines import catalog
 from evertwin.models.translated import Translated
 
 NOISE = np.random.default_rng(0)
@@ -188,6 +189,35 @@ def test_what_an_object_closes_over_is_in_its_machine_code(rows: dict[str, Any])
         twin = twin_of(closed(share))
         assert isinstance(twin.model, Translated)
         assert twin.fit(rows).fit["gain"] == pytest.approx(1.3 / share, rel=0.005)
+
+
+class Packages(dict[str, Any]):
+    """Entry points as another package registers them."""
+
+    names = property(dict.keys)
+
+
+def test_a_model_of_another_package(monkeypatch: pytest.MonkeyPatch) -> None:
+    def built(start: float = 1.0) -> FunctionModel:
+        x = Layout.of(x="m")
+        return FunctionModel(sound, Layout.of(v="m/s"), x, x, Parameters.of(gain=(start, "1")))
+
+    def broken() -> FunctionModel:
+        raise RuntimeError("license server is gone")
+
+    class Found(NamedTuple):
+        factory: Callable[..., Any]
+
+        def load(self) -> Callable[..., Any]:
+            return self.factory
+
+    there = Packages(cart=Found(built), broken=Found(broken))
+    monkeypatch.setattr(catalog, "entry_points", lambda group: there)
+    assert isinstance(catalog.machine("cart", {"start": 2.0}), Translated)
+    with pytest.raises(ModelError, match="kind = 'broken': RuntimeError: license server is gone"):
+        catalog.machine("broken", {})
+    with pytest.raises(UsageError, match="no option 'begin'"):
+        catalog.machine("cart", {"begin": 2.0})
 
 
 def test_the_result_is_json(rows: dict[str, Any]) -> None:
