@@ -213,7 +213,7 @@ def consume(
                         continue
                     if np.isinf(value):
                         broken_t[k] = times[s, head]
-                    if loses and missing(habit, values[s, head], k, channels[k, COLUMN]):
+                    if loses and missing(habit, values[s, head], k):
                         known_v[k] = np.nan
                         tell(notes, clock, k, LOST, (times[s, head], times[s, head], 1))
             sources[s, HEAD] = (head + 1) % depth

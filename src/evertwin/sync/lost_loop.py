@@ -33,15 +33,13 @@ def given(habit: Any, row: Any, k: int, column: int) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def missing(habit: Any, row: Any, k: int, column: int) -> bool:
+def missing(habit: Any, row: Any, k: int) -> bool:
     """The command has no value in this sample: has it just been lost?"""
     beside, before = habit[k, BESIDE] - 1, habit[k, LOST]
     if beside >= 0 and np.isfinite(row[beside]):
         habit[k, EMPTY] += 1
         if habit[k, GIVEN] >= max(LEARN, MOSTLY * habit[k, EMPTY]):
             habit[k, LOST] = 1
-    if np.isinf(row[column]):
-        habit[k, LOST] = 1
     return bool(habit[k, LOST] > before)
 
 
