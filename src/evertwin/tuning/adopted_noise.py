@@ -8,11 +8,10 @@ score errs by JᵀS of the rows that it leads to, less what the same noise does 
 it is a residual (the middle of the sandwich of H. White, Econometrica 50, 1982, from the model).
 
 >>> from evertwin.fold import make_block
->>> from evertwin.machines.thermal import ThermalBox
->>> rows = make_block(t=np.arange(3), u=np.zeros((3, 2)), y=np.zeros((3, 1)))
->>> problem = Problem(ThermalBox(), (rows,), ("R",), prior=None)
->>> adopted(problem, 0).tolist()
-[True, False, False]
+>>> from evertwin.machines.mobile import Robot1D
+>>> rows = make_block(t=np.arange(5) * 10**9, u=np.ones((5, 1)), y=np.arange(5.0)[:, None])
+>>> adopted(Problem(Robot1D(), (rows,), ("gain",), horizon=2.0), 0).tolist()
+[True, False, False, True, False]
 """
 
 from __future__ import annotations
