@@ -43,6 +43,26 @@ BROAD_EXCEPT = {
         "models/function.py",
         "step",
     ): "the step is the user's code: its error is a lost row",
+    (
+        "models/function.py",
+        "row",
+    ): "the step is the user's code: what it raises is told as the model's",
+    (
+        "models/translated.py",
+        "translated",
+    ): "a compiler does not say all that it may raise: the step runs as plain Python",
+    (
+        "machines/python_file.py",
+        "model_from_file",
+    ): "the file is the user's code: what it raises is told with its line",
+    (
+        "machines/python_file.py",
+        "_tried",
+    ): "the file is the user's code: what it raises is told with its line",
+    (
+        "machines/catalog.py",
+        "machine",
+    ): "the factory of another package raises what it likes: it is told as the model's",
 }
 """The edges where any exception is caught, by (file, function)."""
 

@@ -15,6 +15,7 @@ from evertwin.ahead.changes import Case, changed
 from evertwin.ahead.spec import read_scenario
 from evertwin.config import read
 from evertwin.errors import ConfigError, UsageError
+from evertwin.machines.catalog import machine
 from evertwin.machines.python_file import model_from_file
 from evertwin.models import FunctionModel, Parameter, Parameters, check_model
 from evertwin.models.translated import Translated, translated
@@ -111,7 +112,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def both(made: Path) -> tuple[Any, Any]:
-    return model_from_file(str(made / "own.py")), model_from_file(str(made / "si.py"))
+    return tuple(machine("python", {"file": str(made / one)}) for one in ("own.py", "si.py"))
 
 
 def test_a_function_in_its_own_units_computes_what_its_twin_in_si_does(made: Path) -> None:

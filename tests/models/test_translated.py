@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evertwin.machines.python_file import model_from_file
+from evertwin.machines.catalog import machine
 from evertwin.models import FunctionModel, Parameters
 from evertwin.models.translated import Translated, translated
 from evertwin.signals import Layout
@@ -138,7 +138,7 @@ def test_the_file_of_a_twin_is_translated_and_follows_its_source(tmp_path: Path)
     file = tmp_path / "own.py"
     for gain in (3.0, 5.25):  # kept machine code of before is not taken
         file.write_text(text.format(gain=gain))
-        model = model_from_file(str(file))
+        model = machine("python", {"file": str(file)})
         assert type(model) is Translated
         _, y = model.simulate(np.zeros(0), np.ones((1, 1)), np.ones(1), np.array([2.0]))
         assert y.tolist() == [[2.0 * gain]]

@@ -89,7 +89,7 @@ class Basis:
         blocks = tuple(feed.blocks(data))
         if not blocks:
             raise DataError("expected recordings to look ahead from, got none: name them with data")
-        return screened(self.setup, self.model, self.p, blocks)
+        return screened(self.setup, self.model, self.p, blocks).rows
 
     def alike(self, rows: Sequence[Block]) -> tuple[Block, ...]:
         """Of these rows those of the machine as it is now: since the newest change that the log

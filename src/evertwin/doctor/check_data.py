@@ -42,6 +42,12 @@ def look_data(view: View) -> Iterator[Finding]:
     yield from _not_finite(view)
     yield from _frozen_inputs(view)
     yield from _faults(view)
+    if view.failed:
+        yield Finding(
+            "model_failed", "model", str(view.failed), "all rows",
+            "these rows are left out: let the step give numbers there, or cut them from the data",
+            view.failed.to_dict(),
+        )  # fmt: skip
     yield from _lost(view)
 
 

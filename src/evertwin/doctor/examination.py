@@ -9,11 +9,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from evertwin.errors import ModelError
 from evertwin.fold import Block, Chunk, Event, take
 from evertwin.fold.block import first
 from evertwin.ledger.versions import Versions
 from evertwin.models import Model
 from evertwin.models.contract import KernelModel
+from evertwin.models.failures import Failed
 from evertwin.models.form import Version
 from evertwin.models.function import FunctionModel, kernel_of
 from evertwin.models.translated import Translated
@@ -93,6 +95,8 @@ class View:
     """What the arbiter found."""
     tallies: tuple[Tally, ...]
     """What the sources found."""
+    failed: Failed | None
+    """Rows that the model could not compute, its step having raised something."""
     recorded: tuple[Samples, ...]
     """Samples as they were recorded, by source and task; none where rows were given as such."""
 
@@ -164,6 +168,7 @@ def view(setup: Setup, versions: Versions, number: int, data: Data) -> View:
 
     Raises:
         DataError: a recording cannot be read, or nothing is left of it.
+        ModelError: the model's step raised something at every row.
     """
     feed = _Heard(setup.spec, setup.model)
     windows = tuple(feed.blocks(data))
@@ -175,7 +180,10 @@ def view(setup: Setup, versions: Versions, number: int, data: Data) -> View:
         state, out = track.step(state, window)
         judged.append(out.rows.judged(window))
         events += [record for record in out.records if isinstance(record, Event)]
-    seen = windows, tuple(judged), tuple(events), feed.left_out, tuple(feed.samples(data))
+    failed = state.failed(events)
+    if failed and failed.all:
+        raise ModelError(str(failed))
+    seen = windows, tuple(judged), tuple(events), feed.left_out, failed, tuple(feed.samples(data))
     return View(setup, versions, version, *seen)
 
 

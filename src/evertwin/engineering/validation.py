@@ -211,9 +211,9 @@ def _seen(
     tuned, item = what
     data = None if item is None else listed(item)
     if tuned is not None:
-        return tuned.judged(tuned.rows(data)).predictions
+        return tuned.judged(tuned.rows(data).rows).predictions
     model, p = versions.model(number), versions[number].p
-    blocks = screened(setup, model, p, Feed(setup.spec, setup.model).blocks(data))
+    blocks = screened(setup, model, p, Feed(setup.spec, setup.model).blocks(data)).rows
     found = [(block, own_start(setup, model, p, block)) for block in starts(setup, blocks)]
     return [
         predict(setup, model, own.p, block, start=begun(model, own.p, own.fitted, 0)[0])

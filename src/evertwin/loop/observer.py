@@ -16,7 +16,7 @@ from evertwin.loop.follow import Followed
 from evertwin.loop.in_stream import as_is
 from evertwin.models import Parameters
 from evertwin.models.form import Version
-from evertwin.outcome.headline import also_pinned, headline
+from evertwin.outcome.headline import also_pinned, failed_first, headline
 from evertwin.outcome.jumps import usual_most
 from evertwin.outcome.lives import lives
 from evertwin.outcome.open_trial import open_trial
@@ -187,7 +187,10 @@ class Observer:
         if trace:
             trace["moving"] = self.setup.moving(trace["input"])
             measured = int(np.isfinite(trace["measured"]).any(axis=1).sum())
-        said = headline(driver.setup, outputs, told, self.events, trial, measured)
+        failed = state.live.track.failed(self.events)
+        said = failed_first(
+            headline(driver.setup, outputs, told, self.events, trial, measured), failed
+        )
         pinned = state.agenda.pinned
         return RunResult(
             name=self.setup.spec.name, samples=state.row, seconds=seconds,
@@ -200,7 +203,7 @@ class Observer:
             trace=trace, rounds=tuple(self.rounds),
             trial=trial,
             headline=also_pinned(said, champion.number, pinned=pinned), pinned=pinned,
-            relative=self.setup.relative or not self.setup.decides,
+            relative=self.setup.relative or not self.setup.decides, failed=failed,
         )  # fmt: skip
 
 

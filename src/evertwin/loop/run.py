@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 from evertwin.config import TwinSpec
 from evertwin.engine import Engine, InProcess
-from evertwin.errors import DataError, StoreError, UsageError
+from evertwin.errors import DataError, ModelError, StoreError, UsageError
 from evertwin.fold import Answer, Block, Event, Record, canonical, copy
 from evertwin.ledger.begun import Begun
 from evertwin.ledger.fingerprint import Followed as Prints
@@ -114,6 +114,7 @@ class Run:
 
         Raises:
             DataError: a recording cannot be read.
+            ModelError: the model's step raised something at every row.
             StoreError: the log has something else of this run.
         """
         began = time.perf_counter()
@@ -137,12 +138,14 @@ class Run:
         for block in () if over else blocks:
             state = self.step(state, block)
         result = self.ended(state, time.perf_counter() - began, over=over)
+        if result.failed and result.failed.all:
+            raise ModelError(str(result.failed))
         had = looked if over else feed
         said = first_of_rows(result.headline, had.left_out)
         aligned = (
             replace(event, row=event.row - place.offset)
             for event in had.events
-            if event.kind in ("gap", "leapt", *KINDS) and event.row >= place.offset
+            if event.kind in ("gap", "leapt", "unknown", *KINDS) and event.row >= place.offset
         )
         events = tuple(sorted((*aligned, *result.events), key=lambda event: event.row))
         return replace(

@@ -20,8 +20,9 @@ from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any
 
-from evertwin.errors import UsageError, nearest, needs
-from evertwin.models import Model
+from evertwin.errors import EvertwinError, ModelError, UsageError, nearest, needs
+from evertwin.models import FunctionModel, Model
+from evertwin.models.translated import translated
 
 MACHINES: Mapping[str, tuple[str, str]] = {
     "arm": ("evertwin.machines.arm:Arm.of", "arm"),
@@ -49,15 +50,16 @@ FOLDERS = ("libraries",)
 
 
 def machine(kind: str, options: Mapping[str, Any]) -> Model:
-    """The model called ``kind``, built with ``options``.
+    """The model called ``kind``, built with ``options``; a plain step as machine code if it can.
 
     Raises:
         UsageError: there is no such model, or it does not take these options.
+        ModelError: the factory of another package raised something.
         MissingExtra: a package that it needs is not installed.
     """
     factory = _factory(kind)
     try:
-        return factory(**options)
+        made = factory(**options)
     except TypeError as error:
         known = _options(factory)
         for key in options:
@@ -65,6 +67,11 @@ def machine(kind: str, options: Mapping[str, Any]) -> Model:
                 hint = nearest(key, known)
                 raise UsageError(f"[model] kind = {kind!r}: no option {key!r}, {hint}") from error
         raise UsageError(f"[model] kind = {kind!r}: {error}: check the options") from error
+    except Exception as error:
+        if kind in MACHINES or isinstance(error, EvertwinError):
+            raise
+        raise ModelError(f"[model] kind = {kind!r}: {type(error).__name__}: {error}") from error
+    return translated(made) if type(made) is FunctionModel else made
 
 
 def _options(factory: Callable[..., Model]) -> tuple[str, ...]:

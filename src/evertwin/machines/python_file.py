@@ -11,11 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from evertwin.errors import ConfigError, EvertwinError
-from evertwin.models import FunctionModel, Model
-from evertwin.models.translated import translated
+from evertwin.errors import ConfigError, ModelError
+from evertwin.models import Model
 
-_MISTAKES = (NameError, TypeError, AttributeError, LookupError, EvertwinError)
+_MISTAKES = (NameError, TypeError, AttributeError, LookupError)
 
 
 def model_from_file(file: str = "", name: str = "model") -> Model:
@@ -31,7 +30,7 @@ def model_from_file(file: str = "", name: str = "model") -> Model:
     module = importlib.util.module_from_spec(spec)
     try:
         spec.loader.exec_module(module)
-    except (ArithmeticError, ImportError, OSError, SyntaxError, ValueError, *_MISTAKES) as error:
+    except Exception as error:  # it is the user's code
         raise _mistaken(path.name, error) from error
     found = getattr(module, name, None)
     if not isinstance(found, Model):
@@ -39,7 +38,7 @@ def model_from_file(file: str = "", name: str = "model") -> Model:
         there = f"there are {', '.join(models)}" if models else "it makes no model"
         raise ConfigError(f"{path.name}: expected a model called {name!r}; {there}")
     _tried(path.name, found)
-    return translated(found) if type(found) is FunctionModel else found
+    return found
 
 
 def _mistaken(file: str, error: Exception) -> ConfigError:
@@ -57,7 +56,8 @@ def _tried(file: str, model: Model) -> None:
     try:
         with np.errstate(all="ignore"):  # a row without inputs may be none of the machine's
             model.simulate(model.initial(p), u, np.ones(1), p)
-    except _MISTAKES as error:
-        raise _mistaken(file, error) from error
-    except ArithmeticError:
-        return  # zeros may be no values that this machine can have
+    except Exception as error:  # it is the user's code
+        cause = error.__cause__ if isinstance(error, ModelError) else error
+        if cause is None or isinstance(cause, _MISTAKES):
+            raise _mistaken(file, cause or error) from error
+        # else zeros may be no values that this machine can have: rows that fail are told later

@@ -61,12 +61,16 @@ def _free(
     roll_rows(step, observe, context, x, u, dt, p, y, code, x0, out)
 
 
-def _native(kept: Any) -> bool:
-    """Does a kernel stay out of Python? Callbacks hold the interpreter's lock."""
+def is_native(kept: Any) -> bool:
+    """Does a kernel stay out of Python? Callbacks hold the interpreter's lock.
+
+    >>> is_native(Kernel(0, 0, np.zeros(1, dtype=np.int64)))
+    True
+    """
     if isinstance(kept, Kernel):
-        return kept.remote is None and _native(kept.keep)
+        return kept.remote is None and is_native(kept.keep)
     if isinstance(kept, tuple):
-        return all(_native(one) for one in kept)
+        return all(is_native(one) for one in kept)
     return not hasattr(kept, "argtypes")  # of a ctypes callback
 
 
@@ -120,7 +124,7 @@ def rolled(
     """Roll-outs of a kernel, each from its own state: in threads where that pays."""
     u, dt, restart = rows
     out = np.empty((len(p), len(u), restart.y.shape[1]))
-    small = len(p) == 1 or len(p) * len(u) < WORTH or not _native(kernel)
+    small = len(p) == 1 or len(p) * len(u) < WORTH or not is_native(kernel)
     if small or (threads := workers or os.cpu_count() or 1) == 1:  # counting takes 0.1 ms
         for j, one in enumerate(p):
             out[j] = roll(kernel, starts[j], u, dt, one, restart._replace(x0=starts[j]))[1]

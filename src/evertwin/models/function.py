@@ -14,6 +14,9 @@
 
 By default an output that is named like a state adopts into that state.
 
+In a twin it runs as machine code where it only computes: what it reads beside its arguments is
+taken as it is when the twin is made (`evertwin.models.translated`).
+
 The function computes in the units that its layouts and parameters state; all around it is SI.
 
 >>> pump = FunctionModel(lambda x, u, dt, p: ([], [p[0] + 0.05 * u[0]]), Layout.of(q="m^3/h"),
@@ -27,7 +30,6 @@ from __future__ import annotations
 
 import ctypes
 import logging
-import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -37,7 +39,8 @@ import numpy as np
 
 from evertwin.errors import ModelError, UsageError
 from evertwin.models.contract import KernelModel, Model
-from evertwin.models.kernel import Kernel
+from evertwin.models.failures import Failures, at_inputs, raised
+from evertwin.models.kernel import RAISED, Kernel
 from evertwin.models.parameters import Parameters
 from evertwin.signals.channels import Layout
 from evertwin.signals.units import compatible, to_si
@@ -112,7 +115,8 @@ class FunctionModel:
         """State after the last row and the outputs of every row.
 
         Raises:
-            ModelError: the function gave another number of states or outputs than declared.
+            ModelError: the function raised something, or gave another number of states or outputs
+                than declared.
         """
         state = np.array(x, dtype=np.float64)
         out = np.empty((len(u), len(self.outputs)))
@@ -125,18 +129,25 @@ class FunctionModel:
         """State after one row, and its outputs.
 
         Raises:
-            ModelError: the function gave another number of states or outputs than declared.
+            ModelError: the function raised something, or gave another number of states or outputs
+                than declared.
         """
-        given: Any = self.step(self.states.to_stated(x), self.inputs.to_stated(u), dt, p)
-        if not isinstance(given, tuple | list) or len(given) != 2:
+        try:
+            given: Any = self.step(self.states.to_stated(x), self.inputs.to_stated(u), dt, p)
+        except Exception as error:  # it is the user's code
+            raise raised(self.step, error) from error
+        wanted = len(self.states), len(self.outputs)
+        try:
+            ahead, y = (np.asarray(one, dtype=np.float64) for one in given)
+        except (TypeError, ValueError) as error:
             raise ModelError(
-                f"step: expected two lists, the states ahead and the outputs, got {given!r:.60}"
-            )
-        ahead, y = given
-        if len(ahead) != len(self.states) or len(y) != len(self.outputs):
+                "step: expected two lists of numbers, the states ahead and the outputs, got "
+                f"{given!r:.60}"
+            ) from error
+        if (ahead.shape, y.shape) != tuple((size,) for size in wanted):
             raise ModelError(
-                f"step: expected {len(self.states)} states and {len(self.outputs)} outputs, "
-                f"got {len(ahead)} and {len(y)}"
+                f"step: expected {wanted[0]} states and {wanted[1]} outputs, "
+                f"got {_size(ahead)} and {_size(y)}"
             )
         return self.states.from_stated(ahead), self.outputs.from_stated(y)
 
@@ -177,12 +188,13 @@ def kernel_of(model: Model) -> Kernel:
 def python_kernel(model: Any) -> Kernel:
     """A kernel from any Model's ``simulate`` and ``observe``, called row by row.
 
-    An exception in a callback cannot pass through compiled code: it becomes return code 1, and the
-    row an error (NaN). The first one is logged, with its line; `check_model` shows it whole.
+    An exception in a callback cannot pass through compiled code: it becomes the return code
+    `RAISED`, and the row an error (NaN); a number that is too large for Python is a simulation that
+    runs away, code 1. The first one is logged and kept (`evertwin.models.failures`).
     """
     nx, nu = len(model.states), len(model.inputs)
     ny, n_p = len(model.outputs), len(model.parameters)
-    told: list[str] = []
+    first: list[str] = []
 
     def row(x: StateVector, u: Vector, dt: float, p: ParameterVector) -> tuple[Any, Any]:
         ahead, y = model.simulate(x, u[None, :], np.array([dt]), p)
@@ -192,17 +204,21 @@ def python_kernel(model: Any) -> Kernel:
 
     # slices of pointers: views of their memory cost ten times as much
     def step(_: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) -> int:
+        inputs = np.array(u[:nu])
         try:
-            new, out = one(np.array(x[:nx]), np.array(u[:nu]), dt, np.array(p[:n_p]))
+            new, out = one(np.array(x[:nx]), inputs, dt, np.array(p[:n_p]))
             for i in range(nx):
                 ahead[i] = new[i]
             for i in range(ny):
                 y[i] = out[i]
         except Exception as error:  # noqa: BLE001  it is the user's code
-            if not told:
-                told.append(_where(error))
-                log.warning("the model's step failed, its row is an error: %s", told[0])
-            return 1
+            if isinstance(error.__cause__, OverflowError):
+                return 1
+            if not first:
+                known = error if isinstance(error, ModelError) else raised(model.simulate, error)
+                first.append(at_inputs(known, model.inputs, inputs))
+                log.warning("a row of the model is an error: %s", first[0])
+            return RAISED
         return 0
 
     def observe(_: Any, x: Any, y: Any) -> int:
@@ -212,11 +228,11 @@ def python_kernel(model: Any) -> Kernel:
 
     calls = (_STEP(step), _OBSERVE(observe))
     addresses = [ctypes.cast(call, ctypes.c_void_p).value or 0 for call in calls]
-    return Kernel(addresses[0], addresses[1], np.zeros(1, dtype=np.int64), (calls, model))
+    failures = Failures(lambda: "".join(first), first.clear)
+    return Kernel(addresses[0], addresses[1], np.zeros(1, dtype=np.int64), (calls, model, failures))
 
 
-def _where(error: Exception) -> str:
-    """The error in one line, with the file and line that it comes from."""
-    frames = traceback.extract_tb(error.__traceback__)
-    place = f"{frames[-1].filename.rsplit('/', 1)[-1]}:{frames[-1].lineno}: " if frames else ""
-    return f"{place}{type(error).__name__}: {error}"
+def _size(given: np.ndarray) -> str:
+    """How many numbers; in words where that is not one list."""
+    other = f"an array of shape {given.shape}" if given.ndim else "a bare number"
+    return str(len(given)) if given.ndim == 1 else other

@@ -4,7 +4,8 @@ A position update changes the state inside a block, so simulating and judging ar
 Numba caches such a loop only when the model comes in as an address: see `STEP` in
 `evertwin.compiled.functions`. ``context`` is an int64 array that a model may use as it likes: a
 wrapper keeps the addresses of the inner kernel there. A kernel must not raise: a return code other
-than 0, or NaN, tells. ``x`` and ``x_next`` never overlap.
+than 0 (`RAISED`: what the user wrote raised something), or NaN, tells. ``x`` and ``x_next`` never
+overlap.
 
 A model in plain Python enters by the same signatures, at about a microsecond a row. A model that
 lives in another process (`Remote`) has the whole loop run there, with the kernels of its wrappers:
@@ -21,6 +22,8 @@ import numpy as np
 from evertwin.types import Outputs, StateVector
 
 CONTINUE, ADOPT, ANEW, GAP = 0, 1, 2, 3
+RAISED = 2
+"""Bit of a step's return code: the row is none that the model can compute."""
 
 
 class Restart(NamedTuple):

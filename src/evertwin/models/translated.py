@@ -40,13 +40,14 @@ import numpy as np
 
 from evertwin.compiled.functions import OBSERVE, STEP, CFunction, Function
 from evertwin.compiled.stamp import names_of
-from evertwin.errors import UsageError, naming
+from evertwin.errors import ModelError, UsageError, naming
+from evertwin.models.failures import Failures, at_inputs
 from evertwin.models.function import FunctionModel
-from evertwin.models.kernel import Kernel, Restart
+from evertwin.models.kernel import RAISED, Kernel, Restart
 from evertwin.models.rollout import roll
 from evertwin.signals.channels import Layout
 from evertwin.signals.units import conversion
-from evertwin.types import Inputs, Intervals, ParameterVector, Rollout, StateVector
+from evertwin.types import Inputs, Int64, Intervals, ParameterVector, Rollout, StateVector
 
 log = logging.getLogger("evertwin")
 
@@ -76,7 +77,13 @@ class Translated(FunctionModel):
         )
         adopt = _written(self.step, _observe_source(self._adopts), "compiled_observe", {})
         calls = CFunction(step, STEP, OPTIONS), CFunction(adopt, OBSERVE, {})
-        return Kernel(*calls, np.zeros(1, dtype=np.int64), (*calls, self.step))
+        kept = np.zeros(1 + sum(_sizes(self)), dtype=np.int64)
+
+        def forget() -> None:
+            kept[0] = 0
+
+        failures = Failures(lambda: _why(self, kept), forget)
+        return Kernel(*calls, kept, (*calls, self.step, failures))
 
     def simulate(self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector) -> Rollout:
         """State after the last row and the outputs of every row; a row that failed is NaN."""
@@ -95,7 +102,7 @@ def translated(model: FunctionModel) -> FunctionModel:
         _refused(model.step)
         kernel = made.kernel()
         _ = int(kernel.step), int(kernel.observe)
-    except UsageError as error:
+    except Exception as error:  # noqa: BLE001  a compiler does not say all that it may raise
         log.info("the model's step runs as plain Python: %s", error)
         return model
     if not _agree(model, made):
@@ -110,10 +117,10 @@ def _refused(function: Callable[..., Any], seen: frozenset[Any] = frozenset()) -
     Raises:
         UsageError: it does, or its source is not to be had.
     """
-    if not isinstance(function, FunctionType) or function.__closure__ or function.__defaults__:
+    if not isinstance(function, FunctionType) or function.__defaults__:
         raise UsageError(f"{function!r} is no plain function without defaults")
-    code, space = function.__code__, function.__globals__
-    for name in names_of(code):
+    code, space = function.__code__, _space(function)
+    for name in (*names_of(code), *code.co_freevars):
         if name not in space:
             continue  # built in, or an attribute
         it = space[name]
@@ -133,6 +140,16 @@ def _refused(function: Callable[..., Any], seen: frozenset[Any] = frozenset()) -
         raise UsageError("it draws numbers")
 
 
+def _space(function: FunctionType) -> Mapping[str, Any]:
+    """What a function reads by name, what it closes over included.
+
+    Raises:
+        UsageError: some of that has no value yet.
+    """
+    with naming(f"{function.__name__} reads what has no value", ValueError):
+        return {**function.__globals__, **inspect.getclosurevars(function).nonlocals}
+
+
 def _tree(function: FunctionType) -> ast.FunctionDef:
     """The source of a function that is defined by ``def``.
 
@@ -150,7 +167,24 @@ def _tree(function: FunctionType) -> ast.FunctionDef:
 
 
 class _Tuples(ast.NodeTransformer):
-    """What machine code has no arrays for: ``a, b = x`` by index, and returned lists as tuples."""
+    """What machine code has no arrays for: ``a, b = x`` by index, and returned lists as tuples;
+    without what is said of types, which names more than the function reads."""
+
+    def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.AST:
+        """``def step(x: Vector) -> Pair``."""
+        node.returns = None
+        return self.generic_visit(node)
+
+    def visit_arg(self, node: ast.arg) -> ast.AST:
+        """``x: Vector``."""
+        node.annotation = None
+        return node
+
+    def visit_AnnAssign(self, node: ast.AnnAssign) -> ast.AST | None:
+        """``a: float = x[0]``."""
+        if node.value is None:
+            return None
+        return self.visit_Assign(ast.copy_location(ast.Assign([node.target], node.value), node))
 
     def visit_Assign(self, node: ast.Assign) -> ast.AST:
         """``a, b = x`` and ``(a, b), c = x, y``."""
@@ -188,7 +222,8 @@ def _prepared(function: FunctionType) -> Function:
     tree = ast.fix_missing_locations(_Tuples().visit(_tree(function)))
     space = {
         name: _prepared(it) if isinstance(it, FunctionType) and it is not function else it
-        for name, it in function.__globals__.items() if name in set(names_of(function.__code__))
+        for name, it in _space(function).items()
+        if name in {*names_of(function.__code__), *function.__code__.co_freevars}
     }  # fmt: skip
     made = _compiled(ast.Module([tree], []), function, space, function.__name__)
     return Function(made, {"cache": True, **OPTIONS})
@@ -225,20 +260,45 @@ def _step_source(model: FunctionModel) -> str:
         "u": [_unless_si(model.inputs, i, stated, f"u[{i}]") for i in range(len(model.inputs))],
         "p": [f"p[{i}]" for i in range(n_p)],
     }
+    row = [f"{name}[{i}]" for name in "xup" for i in range(len(taken[name]))]
     return "\n".join([
         "def compiled_step(context, x, u, dt, p, ahead, y):",
         *[f"    {name}_ = np.array([{', '.join(of)}], dtype=np.float64)" if of
           else f"    {name}_ = np.empty(0)" for name, of in taken.items()],
-        "    failed = 1",
+        f"    failed = {RAISED}",
         "    try:",
         "        new, out = model(x_, u_, dt, p_)",
-        f"        if len(new) == {nx} and len(out) == {ny} and {finite}:",
-        "            failed = 0",
-        *["    " + line for line in lines],
+        f"        if len(new) == {nx} and len(out) == {ny}:",
+        "            failed = 1",
+        f"            if {finite}:",
+        "                failed = 0",
+        *["        " + line for line in lines],
         "    except Exception:",
-        "        failed = 1",
+        f"        failed = {RAISED}",
+        f"    if failed == {RAISED} and context[0] == 0:",
+        "        context[0] = 1",
+        f"        row = np.array([{', '.join(['dt', *row])}], dtype=np.float64).view(np.int64)",
+        "        for k in range(len(row)):",
+        "            context[1 + k] = int(row[k])",
         "    return failed",
     ])  # fmt: skip
+
+
+def _sizes(model: FunctionModel) -> tuple[int, int, int, int]:
+    """Of the interval, the states, the inputs and the parameters, as a failed row is kept."""
+    return 1, len(model.states), len(model.inputs), len(model.parameters)
+
+
+def _why(model: FunctionModel, kept: Int64[np.ndarray, " k"]) -> str:
+    """What the step raises at the row that failed first, by the interpreter."""
+    if kept[0] == 0:
+        return ""
+    (dt,), x, u, p = np.split(kept[1:].view(np.float64), np.cumsum(_sizes(model))[:-1])
+    try:
+        model.row(x, u, float(dt), p)
+    except ModelError as error:
+        return at_inputs(error, model.inputs, u)
+    return ""
 
 
 def _unless_si(layout: Layout, k: int, form: str, value: str) -> str:
@@ -276,6 +336,6 @@ def _row(
         with np.errstate(all="ignore"):  # these are no rows of the machine's
             ahead, out = model.simulate(x, u, dt, p)
         found = np.concatenate([np.asarray(ahead, dtype=np.float64), out[0]])
-    except (ArithmeticError, ValueError, TypeError, LookupError):
+    except ModelError:
         return nothing
     return found if np.isfinite(out).all() and np.isfinite(ahead).all() else nothing

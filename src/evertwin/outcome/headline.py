@@ -14,6 +14,7 @@ from typing import Any
 
 from evertwin.fold import Event
 from evertwin.gauges.elsewhere import OUTSIDE
+from evertwin.models.failures import Failed
 from evertwin.models.form import Version
 from evertwin.outcome.changes import changes
 from evertwin.outcome.jumps import forgotten, jumps
@@ -112,6 +113,18 @@ def also_pinned(told: str, version: int, *, pinned: bool) -> str:
     """
     said = f" Version {version} is pinned: nothing else is tuned or goes live until it is unpinned."
     return told + said * pinned
+
+
+def failed_first(told: str, failed: Failed | None) -> str:
+    """``told``, after what the model could not compute; in its place, where that is all."""
+    if failed is None:
+        return told
+    said = f"{failed}"
+    return (
+        f"Nothing was predicted: {said}."
+        if failed.all
+        else (f"{said[0].upper()}{said[1:]}: these rows are left out. {told}")
+    )
 
 
 def first_of_rows(told: str, left_out: Sequence[Tally]) -> str:

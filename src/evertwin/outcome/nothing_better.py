@@ -16,6 +16,8 @@ CHANGE = "change of "
 """Before an input: what depends on that comes late, or early."""
 NO_MACHINE = ("not physical: ", "outside: ")
 """How a rejection begins of numbers that no machine has, whatever they explain."""
+UNTUNED = "nothing could be tuned: "
+"""The same, where there was no candidate at all."""
 
 
 def nothing_better(
@@ -51,6 +53,8 @@ def nothing_better(
             '"law"] to its file'
         )
     rejected = [e.reason for e in events if e.kind == "rejected"]
+    if rejected and rejected[-1].startswith(UNTUNED):
+        return rejected[-1]
     if rejected:
         tried = f"{len(rejected)} candidates were" if len(rejected) > 1 else "1 candidate was"
         why = f", the last {rejected[-1]}" if rejected[-1].startswith(NO_MACHINE) else ""

@@ -15,6 +15,7 @@ import numpy as np
 from evertwin.errors import MissingExtra
 from evertwin.fold import Event, Mark, plain
 from evertwin.models import Model, Parameters
+from evertwin.models.failures import Failed
 from evertwin.models.form import Form, Version
 from evertwin.outcome.open_trial import OpenTrial, shorter
 from evertwin.outcome.spells import Spell
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
 DECISIONS = (
     "promoted", "rolled_back", "superseded", "corrected", "changed", "external", "recurring",
     "leapt", "not_judged", "state", "training_restarted", "model_failed", "pinned", "configured",
-    "drift",
+    "drift", "unknown",
 )  # fmt: skip
 """Kinds of event that a person reads first."""
 DATED = 3 * 10**17
@@ -134,6 +135,9 @@ class RunResult:
     """Are outputs held to a share of their size?"""
     pinned: bool = False
     """Is the champion kept live, whatever is found?"""
+    failed: Failed | None = None
+    """Rows that the model could not compute, its step having raised something; they count
+    nowhere."""
 
     @property
     def problems(self) -> Mapping[str, int]:
@@ -164,6 +168,7 @@ class RunResult:
             "trial": self.trial,
             "parameters": {item.name: self._parameter(item.name) for item in self.parameters},
             "data_problems": self.problems,
+            "model_failed": self.failed and self.failed.to_dict(),
             "left_out": [tally.to_dict() for tally in self.left_out],
             "rounds": self.rounds,
         }

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 
 from evertwin.fold import plain
 from evertwin.models import Parameters
+from evertwin.models.failures import Failed
 from evertwin.models.form import Form
 from evertwin.setup.evaluation import Deviation
 from evertwin.signals.spoken import number, percent
@@ -24,6 +25,10 @@ from evertwin.sources.tally import Tally
 from evertwin.tuning import Fit
 from evertwin.types import Json
 
+NO_VALUE = (
+    "rows without a value of an input, behind which predictions begin anew (a command that goes on "
+    "acting: [signals.NAME] hold = true)"
+)
 WORSE = 2.0
 """Times as far off as in what was learned from: more than another recording makes."""
 
@@ -39,14 +44,16 @@ class Held(NamedTuple):
     """Output → what it is off by, as the requirement has it, and both in words."""
     advice: str = ""
     """What may help where it is not reached."""
+    failed: Failed | None = None
+    """Rows that the model could not compute: whether it is reached there, nobody knows."""
 
     @property
     def reached(self) -> bool:
-        """By all outputs."""
-        return all(map(self.by, self.outputs))
+        """By all outputs, at all rows."""
+        return self.failed is None and all(map(self.by, self.outputs))
 
     def by(self, name: str) -> bool:
-        """By one output."""
+        """By one output, at the rows that the model could compute."""
         return name in self.outputs and self.outputs[name][0] <= self.limit
 
     def to_dict(self) -> dict[str, Json]:
@@ -68,6 +75,9 @@ class Held(NamedTuple):
             f"{name} is off by {shown[name][0]} (limit {shown[name][1]})" for name in far or shown
         )
         reached = "not reached" if far else "reached"
+        if self.failed and not far:
+            rows = f"{self.failed.rows} of {self.failed.of}"
+            reached = f"not known at {rows} rows, that the model could not compute; at the others"
         return f"requirement {where}: {reached}: {told}" + (
             f"; {self.advice}" if far and self.advice else ""
         )
@@ -108,6 +118,11 @@ class FitResult:
     """Output → rows to learn from that cannot be a measurement, and were left out."""
     held: Held | None = None
     """Is the requirement of the twin file reached? None: it has none."""
+    failed: Failed | None = None
+    """Rows that the model could not compute, its step having raised something; they count
+    nowhere."""
+    without: Mapping[str, int] = field(default_factory=dict)
+    """Input → rows to learn from that have no value of it; predictions begin anew behind them."""
 
     def to_dict(self) -> dict[str, Json]:
         """Plain content, ``schema: "evertwin.fit/1"``."""
@@ -150,6 +165,8 @@ class FitResult:
                 "friction_causes": self.causes,
                 "left_out": [tally.to_dict() for tally in self.left_out],
                 "rows_left_out": self.spoiled,
+                "rows_without_input": self.without,
+                "model_failed": self.failed and self.failed.to_dict(),
                 "converged": self.fit.converged,
                 "message": self.fit.message,
                 "method": self.fit.method,
@@ -188,6 +205,7 @@ class FitResult:
     def __str__(self) -> str:
         """Parameters, then deviations per recording."""
         lines = [*filter(None, [self.unseen]), str(self.fit)]
+        lines = [f"{self.failed}: these rows are left out", *lines] if self.failed else lines
         lines += [
             f"law of {output}: {law}"
             + (f" ({self.causes[output]})" if output in self.causes else "")
@@ -212,7 +230,8 @@ class FitResult:
         lines += map(str, self.left_out)
         out = ", ".join(f"{count} of {name}" for name, count in self.spoiled.items())
         lines += [f"rows left out that cannot be a measurement: {out}"] if out else []
-        return "\n".join(lines)
+        out = ", ".join(f"{count} of {name}" for name, count in self.without.items())
+        return "\n".join([*lines, f"{NO_VALUE}: {out}"] if out else lines)
 
     def _described(self) -> list[str]:
         if not self.search:

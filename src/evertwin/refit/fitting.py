@@ -19,11 +19,12 @@ from evertwin.engine import Engine
 from evertwin.fold import Block, Mark
 from evertwin.ledger.versions import Versions
 from evertwin.models import Model
+from evertwin.models.failures import Failed
 from evertwin.refit.fit_result import FitResult as FitResult
 from evertwin.refit.fit_result import Held
 from evertwin.refit.formed import Formed
 from evertwin.refit.recursive_fit import Recursion
-from evertwin.refit.screening import screened
+from evertwin.refit.screening import Screened, screened
 from evertwin.refit.term_search import Started, check_initials, own_start, with_terms
 from evertwin.refit.work import Work
 from evertwin.refit.workers import far_of
@@ -87,13 +88,15 @@ class Tuned:
     """What it was tuned on."""
     feed: Feed
     """What reads recordings, and counts what was wrong with them."""
+    screened: Screened
+    """These, and what of them is left out."""
 
     @property
     def model(self) -> Model:
         """The model in the form that was found."""
         return self.formed.problem.model
 
-    def rows(self, data: Data) -> tuple[Block, ...]:
+    def rows(self, data: Data) -> Screened:
         """The tasks of recordings, without what cannot be a measurement."""
         return screened(self.setup, self.base, self.trusted, self.feed.blocks(data))
 
@@ -121,7 +124,8 @@ def tune(
 ) -> Tuned:  # fmt: skip
     """Version ``number``, tuned on ``train``; differences in the engine's processes, if any."""
     feed, version, base = Feed(setup.spec, setup.model), versions[number], versions.model(number)
-    problem, tasks, trusted = posed(setup, versions, number, feed.several(train))
+    problem, seen, trusted = posed(setup, versions, number, feed.several(train))
+    tasks = seen.rows
     before, windows = led(setup, train, problem.windows)
     problem, tasks = replace(problem, before=before, windows=windows), windows if before else tasks
     far = None if engine is None else far_of(engine, setup.spec, version.form)
@@ -135,7 +139,7 @@ def tune(
         chosen = acting(chosen, problem, fit)
         unknown = _unknown(work, formed) if chosen.laws or formed.search else ""
         formed = replace(formed, fit=fit)
-    return Tuned(setup, base, trusted, formed, chosen, unknown, tasks, feed)
+    return Tuned(setup, base, trusted, formed, chosen, unknown, tasks, feed, seen)
 
 
 def _sure(setup: Setup, formed: Formed) -> Fit:
@@ -184,16 +188,16 @@ def _unknown(work: Work, formed: Formed) -> str:
 
 def posed(
     setup: Setup, versions: Versions, number: int, blocks: Iterable[Block]
-) -> tuple[Problem, tuple[Block, ...], ParameterVector]:
+) -> tuple[Problem, Screened, ParameterVector]:
     """What version ``number`` is tuned on: the problem, the tasks that its windows are of, and the
     parameters by which these are trusted: a map is put in scale by most of its rows first."""
     version, base, work = versions[number], versions.model(number), Work(setup, versions)
     recorded = tuple(blocks)
 
-    def by(p: ParameterVector) -> tuple[Problem, tuple[Block, ...]]:
+    def by(p: ParameterVector) -> tuple[Problem, Screened]:
         tasks = screened(setup, base, p, recorded)
-        check_initials(setup, base, tasks)
-        windows = starts(setup, windows_of(tasks, setup.spec.tuning.cut))
+        check_initials(setup, base, tasks.rows)
+        windows = starts(setup, windows_of(tasks.rows, setup.spec.tuning.cut))
         return work.problem(version, windows, work.editable(version)), tasks
 
     problem, tasks = by(version.p)
@@ -225,7 +229,11 @@ def fit(
     train, test = data
     done = tune(setup, versions, number, train, watch, engine)
     formed, model, found = done.formed, done.model, done.formed.fit
-    tests = [(named(item), done.judged(done.rows(listed(item)))) for item in test]
+    screens = [done.rows(listed(item)) for item in test]
+    tests = [
+        (named(item), done.judged(seen.rows)) for item, seen in zip(test, screens, strict=True)
+    ]
+    failed = Failed.together(seen.failed for seen in screens)
     together = [prediction for _, one in tests for prediction in one.predictions]
     rule = setup.spec.filter
     own = done.judged(done.tasks, own=False).predictions
@@ -238,15 +246,17 @@ def fit(
         model.parameters.with_values(found.p), formed.form, done.unknown, formed.search,
         tuple(tuple(one.begun) for _, one in tests),
         done.feed.left_out, _spoiled(model, done.tasks),
-        _held(setup, model, found.p, (own, together)),
+        _held(setup, model, found.p, (own, together), failed if tests else done.screened.failed),
+        Failed.together([done.screened.failed, failed]), done.screened.unknown,
     )  # fmt: skip
 
 
 def _held(
-    setup: Setup, model: Model, p: ParameterVector, seen: tuple[list[Prediction], list[Prediction]]
-) -> Held | None:
+    setup: Setup, model: Model, p: ParameterVector,
+    seen: tuple[list[Prediction], list[Prediction]], failed: Failed | None,
+) -> Held | None:  # fmt: skip
     """Is the requirement reached on what was not learned from, or else on what was? None: there is
-    none. ``seen``: predictions of either."""
+    none. ``seen``: predictions of either; ``failed``: rows that have none."""
     if not math.isfinite(setup.requirement):
         return None
     off = as_required(setup, model, p, seen[1] or seen[0]).tolist()
@@ -256,7 +266,7 @@ def _held(
         if setup.watched[k] and math.isfinite(off[k])
     }
     advice = "" if setup.static or setup.spec.correction.in_fit else SEEK
-    return Held(setup.requirement, setup.relative, bool(seen[1]), outputs, advice)
+    return Held(setup.requirement, setup.relative, bool(seen[1]), outputs, advice, failed)
 
 
 def _spoiled(model: Model, tasks: tuple[Block, ...]) -> dict[str, int]:

@@ -38,7 +38,7 @@ class Formed:
         names = (*own_names(model, work.tunable(model), count), *own_starts(model, count))
         return replace(
             self.problem, model=model, editable=names, prior=model.parameters.with_values(start),
-            settings=replace(settings, far=formed_far(settings.far, setup.spec, form)),
+            settings=replace(settings, begin=(), far=formed_far(settings.far, setup.spec, form)),
         )  # fmt: skip
 
     @classmethod

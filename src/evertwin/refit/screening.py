@@ -3,16 +3,20 @@
 The arbiter's plausibility (range, rate, codes for no value, frozen, off by a factor) speaks of the
 sensor, so it holds for a fit too. Its gate speaks of the model, which is what a fit is about to
 change: what lies outside the gate stays, unless it is far outside everything else in the channel.
+A row at which a user's step raises something is left out as one without inputs is.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from typing import NamedTuple
 
 import numpy as np
 
-from evertwin.fold import Block, Mark
+from evertwin.errors import ModelError
+from evertwin.fold import Block, Mark, Record
 from evertwin.models import Model
+from evertwin.models.failures import Failed
 from evertwin.setup.setup import Setup
 from evertwin.types import Outputs, ParameterVector
 
@@ -20,20 +24,41 @@ FAR = 100.0
 """Distance from the median, in widths of the middle 98 % of the channel, that is absurd."""
 
 
-def screened(
-    setup: Setup, model: Model, p: ParameterVector, windows: Iterable[Block]
-) -> tuple[Block, ...]:
-    """The windows, with outputs marked as errors that are none of the machine's doing."""
+class Screened(NamedTuple):
+    """Rows, those that the model could not compute, and how many have no value of an input.
+
+    >>> Screened((), None, {}).rows
+    ()
+    """
+
+    rows: tuple[Block, ...]
+    failed: Failed | None
+    unknown: Mapping[str, int]
+
+
+def screened(setup: Setup, model: Model, p: ParameterVector, windows: Iterable[Block]) -> Screened:
+    """The windows, with outputs marked as errors that are none of the machine's doing.
+
+    Raises:
+        ModelError: the model's step raised something at every row.
+    """
     track = setup.track(model)
     state, nu = track.renew(track.init(), p), len(model.inputs)
-    out = list[Block]()
+    out, said, unknown = list[Block](), list[Record](), np.zeros(nu, dtype=np.int64)
     for window in windows:
+        known = np.isfinite(window.u)  # what acted before the first command was never recorded
+        unknown += (~known & np.maximum.accumulate(known, axis=0)).sum(axis=0)
         state, seen = track.step(state, window)
         bad = (seen.rows.mark == Mark.ERROR) | _far(window.y)
         mark = np.concatenate([seen.rows.doubt, window.mark[:, nu:]], axis=1)
         mark[:, nu:] = np.where(bad, np.uint8(Mark.ERROR), mark[:, nu:])
         out.append(window._replace(u=seen.rows.u, mark=mark))
-    return tuple(out)
+        said += seen.records
+    failed = state.failed(said)
+    if failed and failed.all:
+        raise ModelError(str(failed))
+    counts = zip(model.inputs.names, unknown.tolist(), strict=True)
+    return Screened(tuple(out), failed, {name: count for name, count in counts if count})
 
 
 def _far(y: Outputs) -> np.ndarray:

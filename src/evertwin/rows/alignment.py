@@ -28,7 +28,7 @@ from evertwin.errors import ConfigError
 from evertwin.fold import Block, Chunk, Event
 from evertwin.models import Model, remembers
 from evertwin.models.contract import is_adopted
-from evertwin.rows.channels import is_held, is_measured, recorded_as
+from evertwin.rows.channels import is_held, is_kept, is_measured, recorded_as
 from evertwin.signals import Channel, Layout
 from evertwin.signals.fir import Symmetric
 from evertwin.sync import Align, AlignState, Feed, Rows
@@ -90,10 +90,12 @@ class Alignment:
             for some in (columns.inputs, columns.outputs)
         )
         lines = tuple(name for name in columns.inputs if not name.startswith(HELD))
+        asked = (name for name in model.inputs.names if is_kept(spec, name))
+        kept = tuple(f"{HELD}{recorded_as(spec, name)}" for name in asked)
         clock = spec.clock
         known = np.array([one.column is not None for one in outputs], dtype=bool)
         align = Align(
-            held, measured, tuple(feeds), lines,
+            held, measured, tuple(feeds), lines, kept,
             np.inf if clock.gap is None else clock.gap, clock.rate,
             recorded={n: n.removeprefix(HELD) for n in columns.inputs},
             cut=any(one.op in WIDE for one in operations),

@@ -30,6 +30,12 @@ def is_held(spec: TwinSpec, name: str, dynamic: bool) -> bool:
     return dynamic if rule is None or rule.hold is None else rule.hold
 
 
+def is_kept(spec: TwinSpec, name: str) -> bool:
+    """Is an input held over empty cells too, because the twin file says that it is a command?"""
+    rule = spec.signals.get(name)
+    return rule is not None and rule.hold is True
+
+
 def recorded_as(spec: TwinSpec, name: str) -> str:
     """The recorded or derived channel that is a channel of the model."""
     rule = spec.signals.get(name)

@@ -11,8 +11,9 @@ from evertwin.config.read import place
 from evertwin.config.spec import TwinSpec
 from evertwin.errors import ConfigError, UsageError
 from evertwin.machines.catalog import located, machine
-from evertwin.models import Model, Parameter, Parameters
+from evertwin.models import FunctionModel, Model, Parameter, Parameters
 from evertwin.models.configured import configured
+from evertwin.models.translated import translated
 from evertwin.rows.channels import check_quantities
 from evertwin.settings.quantity import Measured, own
 from evertwin.setup.friction_law import check_ladder
@@ -21,7 +22,8 @@ from evertwin.signals.units import conversion, si_unit, to_si
 
 
 def model_of(spec: TwinSpec, given: Model | None = None) -> Model:
-    """The base model of a twin: ``given``, or the one that the file names.
+    """The base model of a twin: ``given``, or the one that the file names; a plain step as machine
+    code if it can.
 
     Raises:
         UsageError: no such model, parameter or channel.
@@ -29,6 +31,8 @@ def model_of(spec: TwinSpec, given: Model | None = None) -> Model:
             its law does not have.
     """
     model = given or _built(spec)
+    if type(model) is FunctionModel:
+        model = translated(model)
     for one in (*model.inputs, *model.outputs, *model.states):
         if conversion(one.unit) != (1.0, 0.0):
             raise UsageError(

@@ -11,7 +11,7 @@ What a row holds:
 
 * a command (``hold``) acts from its stamp on, so a row's input is the newest one before its
   interval, and on a grid the mean over an interval that it changes within; it is marked held where
-  it is older than the row before;
+  it is older than the row before, and unknown where its value was lost (`evertwin.sync.lost_loop`);
 * a measured input (``lines``) is the one at the row, interpolated where its source has none; where
   rows are cut at holes, it is marked late in a hole of its source: a lost sample or more;
 * a number beyond `LARGEST` is no measurement: it counts as infinite;
@@ -46,6 +46,7 @@ from evertwin.sync import on_row_loop as on_row
 from evertwin.sync import pace_loop
 from evertwin.sync.horizon import nanoseconds
 from evertwin.sync.horizon_loop import NEVER
+from evertwin.sync.lost_loop import given_all
 from evertwin.types import Bools, Float64, Inputs, Int64, Intervals, Marks, Outputs, Stamps, Tasks
 
 NOTES = 64
@@ -91,6 +92,8 @@ class AlignState(NamedTuple):
     known_v: Float64[np.ndarray, " channels"]
     broken_t: Int64[np.ndarray, " channels"]
     """Stamp of its newest infinite one."""
+    habits: Int64[np.ndarray, "channels memory"]
+    """With what a command comes (`evertwin.sync.lost_loop`)."""
     pace: Int64[np.ndarray, " memory"]
     """Newest intervals between samples, whichever source they are of
     (`evertwin.sync.pace_loop`)."""
@@ -131,6 +134,8 @@ class Align:
     feeds: tuple[Feed, ...]
     lines: tuple[str, ...] = ()
     """Inputs that are measurements: taken at the row, interpolated between their samples."""
+    kept: tuple[str, ...] = ()
+    """Inputs that are commands of which an empty cell is never one that was lost."""
     gap: float = float("inf")
     """Longest interval that is simulated over [s]; after a longer one the state starts anew."""
     rate: float | None = None
@@ -169,14 +174,17 @@ class Align:
             raise UsageError(f"rate: expected a number of rows per second, got {self.rate}")
 
     @cached_property
-    def _plan(self) -> tuple[Int64[np.ndarray, "sources two"], Int64[np.ndarray, "channels four"]]:
+    def _plan(self) -> tuple[Int64[np.ndarray, "sources two"], Int64[np.ndarray, "channels five"]]:
         plan = [(nanoseconds(feed.slack), nanoseconds(feed.timeout)) for feed in self.feeds]
         table = []
         for channel in self.inputs:
             how = loop.LINE if channel.name in self.lines else loop.HOLD
-            table.append((*self._place(channel.name), how, channel.kind == "angle"))
+            loses = how == loop.HOLD and channel.name not in self.kept
+            table.append((*self._place(channel.name), how, channel.kind == "angle", loses))
         for channel in self.outputs:
-            table.append((*self._place(channel.name), loop.MEASURED, channel.kind == "angle"))
+            table.append(
+                (*self._place(channel.name), loop.MEASURED, channel.kind == "angle", False)
+            )
         return np.array(plan, dtype=np.int64), np.array(table, dtype=np.int64)
 
     def _place(self, channel: str) -> tuple[int, int]:
@@ -203,8 +211,9 @@ class Align:
         sources[:, on_row.NEWEST] = NEVER
         waiting = np.zeros((ns, self.depth), dtype=np.int64), np.zeros((ns, self.depth, width))
         known = np.full(nc, NEVER), np.full(nc, np.nan), np.full(nc, NEVER)
+        habits = np.zeros((nc, 4), dtype=np.int64)
         pace = np.zeros(pace_loop.FIRST + pace_loop.KNOWN, dtype=np.int64)
-        return AlignState(clock, sources, *waiting, *known, pace)
+        return AlignState(clock, sources, *waiting, *known, habits, pace)
 
     def step(self, state: AlignState, block: Chunk) -> tuple[AlignState, Out]:
         """A chunk of samples, or of ticks (source ``""``).
@@ -250,7 +259,8 @@ class Align:
         parts, events, start = [], [], 0
         while start < len(t):
             rows = self._room(len(t) - start + sum(state.sources[:, on_row.COUNT].tolist()) + 1)
-            found = np.empty((NOTES + len(self.feeds), 6), dtype=np.int64)
+            channels = len(self.inputs) + len(self.outputs)
+            found = np.empty((NOTES + len(self.feeds) + channels, 6), dtype=np.int64)
             extent = np.zeros(2, dtype=np.int64)
             start = loop.push(
                 s, start, t, v, chunk.task, *self._plan, *state, *rows, found, extent, *self._times,
@@ -320,6 +330,8 @@ class Align:
         state.times[0, places], state.values[0, places] = t[-kept:], chunk.v[-kept:]
         state.sources[0, on_row.HEAD] = (state.sources[0, on_row.HEAD] + n) % self.depth
         state.known_t[:], state.known_v[:] = t[-1], values[-1]
+        for k in np.flatnonzero(self._plan[1][:, on_row.LOSES]).tolist():
+            given_all(state.habits, chunk.v, k, int(self._plan[1][k, on_row.COLUMN]))
         tasks, gap = np.full(n, chunk.task, dtype=np.int64), steps > self._times[0]
         state.pace[pace_loop.TAKEN] = t[-1]
         return Rows(
@@ -328,7 +340,11 @@ class Align:
 
     def _event(self, note: Sequence[int]) -> Event:
         row, s, kind, first, last, number = note
-        name = self.feeds[s].name if kind != loop.HOLE else ""
+        if kind == loop.LOST:
+            name = self.inputs.names[s]
+            name = self.recorded.get(name, name)
+        else:
+            name = self.feeds[s].name if kind != loop.HOLE else ""
         word, text = _SAYS[kind]
         began = None if first == NEVER else first
         evidence: dict[str, Any] = {"first": began, "last": last, "samples": number}
@@ -358,6 +374,11 @@ _SAYS = {
         "gap",
         "nothing came for {seconds:.4g} s, far longer than usual: the state is measured "
         "anew behind such a gap, and no prediction runs over it",
+    ),
+    loop.LOST: (
+        "unknown",
+        "{name} has no value here, and had one beside each measurement before: what acts until its "
+        "next one is unknown, and predictions begin anew behind it",
     ),
     loop.SHIFTED: ("task_shifted", "the task's stamps lie before the one before: moved behind it"),
 }

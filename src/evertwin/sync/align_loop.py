@@ -14,6 +14,7 @@ from evertwin.compiled.functions import njit
 from evertwin.compiled.memory import borrowed
 from evertwin.fold.block import LARGEST
 from evertwin.sync.horizon_loop import NEVER
+from evertwin.sync.lost_loop import given, missing
 from evertwin.sync.on_row_loop import (
     ABSENT,
     COLUMN,
@@ -23,6 +24,7 @@ from evertwin.sync.on_row_loop import (
     HELD,
     HOW,
     LATE,
+    LOSES,
     NEWEST,
     OFFSET,
     OK,
@@ -48,8 +50,10 @@ ROW, LAST, TASK, BEGUN, ANEW, SHIFT, NOW, GRID, STEP, PENDING, FORCED = range(11
 """Memory of the clock: next row's number, last row's stamp, task, has a row left?, does the next
 one start anew?, shift of this task, newest tick, first stamp and number of the grid's next row, is
 a sample accepted but its rows not yet released?, was the last row forced out?"""
-FINE, IS_LATE, IS_REPEATED, IS_FUTURE, JUMPED, IS_QUIET, BACK, OVERFLOW, SHIFTED, HOLE = range(10)
-"""What is noted about a source."""
+(
+    FINE, IS_LATE, IS_REPEATED, IS_FUTURE, JUMPED, IS_QUIET, BACK, OVERFLOW, SHIFTED, HOLE, LOST,
+) = range(11)  # fmt: skip
+"""What is noted about a source; the last about a channel."""
 MOVE = 10 * 10**9
 """Distance that a task keeps whose stamps had to be shifted [ns]."""
 RESYNC = 8
@@ -188,9 +192,12 @@ def oldest(sources: Any, times: Any) -> int:
 
 
 @njit(cache=True, error_model="numpy")
-def consume(channels: Any, sources: Any, times: Any, values: Any, known: Any, until: int) -> None:
+def consume(
+    channels: Any, clock: Any, sources: Any, times: Any, values: Any, known: Any, notes: Any,
+    until: int,
+) -> None:  # fmt: skip
     """Takes the samples up to ``until`` out of the rings and remembers them per channel."""
-    known_t, known_v, broken_t, pace = known
+    known_t, known_v, broken_t, habit, pace = known
     depth = times.shape[1]
     for s in range(sources.shape[0]):
         while sources[s, COUNT] > 0 and times[s, sources[s, HEAD]] <= until:
@@ -198,11 +205,17 @@ def consume(channels: Any, sources: Any, times: Any, values: Any, known: Any, un
             pace[TAKEN] = max(pace[TAKEN], times[s, head])
             for k in range(channels.shape[0]):
                 if channels[k, SOURCE] == s:
-                    value = values[s, head, channels[k, COLUMN]]
+                    value, loses = values[s, head, channels[k, COLUMN]], channels[k, LOSES]
                     if np.isfinite(value):
                         known_t[k], known_v[k] = times[s, head], value
-                    elif np.isinf(value):
+                        if loses:
+                            given(habit, values[s, head], k, channels[k, COLUMN])
+                        continue
+                    if np.isinf(value):
                         broken_t[k] = times[s, head]
+                    if loses and missing(habit, values[s, head], k):
+                        known_v[k] = np.nan
+                        tell(notes, clock, k, LOST, (times[s, head], times[s, head], 1))
             sources[s, HEAD] = (head + 1) % depth
             sources[s, COUNT] -= 1
 
@@ -214,7 +227,7 @@ def emit(
 ) -> None:  # fmt: skip
     """The next row, with stamp ``stamp``."""
     number, t, dt, u, y, mark, task, new = rows
-    known_t, known_v, broken_t, pace = known
+    known_t, known_v, broken_t, _, pace = known
     gap, period, _, usual = rule
     grid, nu, at, came = period > 0, u.shape[1], notes[1][0], oldest(sources, times)
     first = clock[BEGUN] == 0 or clock[ANEW] == 1
@@ -232,7 +245,7 @@ def emit(
         # A command acts from its stamp on: what is held is the newest before the interval.
         u[at, k] = acted(channels, sources, times, values, known_v[k], k, (clock[LAST], stamp))
         mark[at, k] = OK if known_t[k] == clock[LAST] else HELD
-    consume(channels, sources, times, values, known, stamp)
+    consume(channels, clock, sources, times, values, known, notes, stamp)
     for k in range(channels.shape[0]):
         how = channels[k, HOW]
         if how == HOLD and clock[BEGUN] == 1:
@@ -280,7 +293,7 @@ def release(
     """Lets rows leave; False if the output is full."""
     gap, period, cut, usual = rule
     extent, capacity, depth = notes[1], rows[1].shape[0], times.shape[1]
-    spare = notes[0].shape[0] - 4 - sources.shape[0]
+    spare = notes[0].shape[0] - 4 - sources.shape[0] - channels.shape[0]
     while True:
         stamp = following = oldest(sources, times)
         if stamp == np.iinfo(np.int64).max:
@@ -294,12 +307,12 @@ def release(
                 clock[GRID], clock[STEP], clock[ANEW] = stamp, 0, 1
             following = clock[GRID] + int(np.rint(clock[STEP] * period))
             if everything and following > newest(sources):
-                consume(channels, sources, times, values, known, newest(sources))
+                consume(channels, clock, sources, times, values, known, notes, newest(sources))
                 return True
         if not (everything or full or edge(plan, clock, sources) >= following):
             return True
         resumed = clock[BEGUN] == 0 or clock[ANEW] == 1
-        if usual and period > 0 and not resumed and is_unusual(known[3], stamp - known[3][TAKEN]):
+        if usual and period > 0 and not resumed and is_unusual(known[4], stamp - known[4][TAKEN]):
             clock[ANEW] = 1
             continue
         stamp = following
@@ -317,8 +330,8 @@ def release(
 @njit(cache=True, error_model="numpy")
 def open_task(clock: Any, sources: Any, known: Any, notes: Any, task: int, stamp: int) -> None:
     """Another task: nothing is held over from the one before, and stamps lie behind it."""
-    known_t, known_v, broken_t, _ = known
-    known_t[:], known_v[:], broken_t[:] = NEVER, np.nan, NEVER
+    known_t, known_v, broken_t, habit, _ = known
+    known_t[:], known_v[:], broken_t[:], habit[:] = NEVER, np.nan, NEVER, 0
     sources[:, NEWEST], clock[SHIFT], clock[NOW] = NEVER, 0, NEVER
     if clock[ROW] > 0 and stamp <= clock[LAST]:
         clock[SHIFT] = clock[LAST] + MOVE - stamp
@@ -329,8 +342,8 @@ def open_task(clock: Any, sources: Any, known: Any, notes: Any, task: int, stamp
 @njit("v", cache=True, error_model="numpy")
 def push(
     s: int, start: int, t: Any, v: Any, task: int, settings: Any, wiring: Any, counters: Any,
-    memory: Any, ring_t: Any, ring_v: Any, known_t: Any, known_v: Any, broken_t: Any, pace: Any,
-    number: Any, row_t: Any, dt: Any, u: Any, y: Any, mark: Any, tasks: Any, new: Any,
+    memory: Any, ring_t: Any, ring_v: Any, known_t: Any, known_v: Any, broken_t: Any, habits: Any,
+    pace: Any, number: Any, row_t: Any, dt: Any, u: Any, y: Any, mark: Any, tasks: Any, new: Any,
     found: Any, extent: Any,
     gap: int, period: float, jump: int, cut: bool, usual: bool,
 ) -> int:  # fmt: skip
@@ -340,12 +353,13 @@ def push(
     """
     plan, channels, clock = borrowed(settings), borrowed(wiring), borrowed(counters)
     sources, times, values = borrowed(memory), borrowed(ring_t), borrowed(ring_v)
-    known = borrowed(known_t), borrowed(known_v), borrowed(broken_t), borrowed(pace)
+    last = borrowed(known_t), borrowed(known_v), borrowed(broken_t)
+    known = (*last, borrowed(habits), borrowed(pace))
     notes = borrowed(found), borrowed(extent)
     heads = borrowed(number), borrowed(row_t), borrowed(dt), borrowed(u)
     rule = gap, period, cut, usual
     rows = (*heads, borrowed(y), borrowed(mark), borrowed(tasks), borrowed(new))
-    room = found.shape[0] - 8 - sources.shape[0]
+    room = found.shape[0] - 8 - sources.shape[0] - channels.shape[0]
     if s == FINISH:
         done = release(
             plan, channels, clock, sources, times, values, known, rows, notes, rule, True

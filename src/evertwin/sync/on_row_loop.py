@@ -13,8 +13,9 @@ from evertwin.compiled.functions import njit
 from evertwin.sync.horizon_loop import wrapped
 from evertwin.sync.pace_loop import is_hole
 
-SOURCE, COLUMN, HOW, TURNS = range(4)
-"""Settings per channel: source, its column, how it comes onto the row, is it an angle?"""
+SOURCE, COLUMN, HOW, TURNS, LOSES = range(5)
+"""Settings per channel: source, its column, how it comes onto the row, is it an angle, may an empty
+cell be a command that was lost (`evertwin.sync.lost_loop`)?"""
 (
     HEAD, COUNT, NEWEST, OFFSET, QUIET, RUN, RUN_FIRST, RUN_LAST, RUN_COUNT, RUN_OTHERS, LATE,
     REPEATED, TIMELY, PACE,
@@ -69,7 +70,7 @@ def between(
     channels: Any, sources: Any, times: Any, values: Any, known: Any, k: int, stamp: int, gap: int
 ) -> Any:
     """(channel ``k`` on the line to its next finite sample that waits, its mark); NaN without."""
-    known_t, known_v, _, _ = known
+    known_t, known_v = known[:2]
     s, depth = channels[k, SOURCE], times.shape[1]
     for m in range(sources[s, COUNT]):
         place = (sources[s, HEAD] + m) % depth

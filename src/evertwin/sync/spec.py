@@ -72,7 +72,8 @@ class SignalSpec(Section):
     """Largest possible change per second."""
     hold: bool | None = None
     """Inputs: a command, held from its stamp on (true), or measured at the row and interpolated
-    (false). Absent: held for a model with states, measured for a static map."""
+    (false). Absent: held for a model with states, where an empty cell among full ones is unknown;
+    measured for a static map."""
     judge: bool = True
     """Outputs: false for one that a prediction of a fit starts from, but is not compared with."""
     measured: bool = True

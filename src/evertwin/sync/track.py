@@ -25,14 +25,16 @@ learning a correction can use them afterwards. Tuning never sees them.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from evertwin.fold import Block, Event, Out
+from evertwin.fold import Block, Event, Out, Record
 from evertwin.models import Kernel, Model, kernel_of, remembers
+from evertwin.models.failures import Failed, failures_in
 from evertwin.models.kernel import looped
 from evertwin.signals import Channel, Layout
 from evertwin.signals.mistaken import numbers
@@ -40,7 +42,7 @@ from evertwin.sync import places as at
 from evertwin.sync.arbiter import Arbiter, Rule, describe, members
 from evertwin.sync.horizon import contiguous
 from evertwin.sync.horizon_loop import NEVER
-from evertwin.sync.track_loop import run
+from evertwin.sync.track_loop import ASKED, FAILED, FIRST_FAILED, run
 from evertwin.types import (
     Bools,
     Float64,
@@ -54,6 +56,8 @@ from evertwin.types import (
 
 __all__ = ["Arbiter", "Rule", "Track", "TrackRows", "TrackState"]
 
+FAILING, UNKNOWN = "model_failed", "the model's step raised something"
+"""Kind of event, and what is said where nobody knows what."""
 NOTES = 256
 """Findings per group that one pass may note before they are read."""
 
@@ -92,14 +96,22 @@ class TrackState(NamedTuple):
     """Range of each input's believed values, the last of them, its suspected factor."""
     beliefs: Int64[np.ndarray, "nu 6"]
     """How many they are; the open doubt."""
-    clock: Int64[np.ndarray, " two"]
-    """Task of the last row, has a row come?"""
+    clock: Int64[np.ndarray, " five"]
+    """Task of the last row, has a row come? Rows that the model was asked for, those of them at
+    which its step raised something, the first of these."""
     beside: StateVector
     """State as it would be without what was believed last, see `evertwin.sync.beside_loop`."""
     account: Float64[np.ndarray, "ny 12"]
     matter: Int64[np.ndarray, " six"]
     free: Float64[np.ndarray, "ng nx"]
     """State that runs free of each group, see `evertwin.sync.free_loop`."""
+
+    def failed(self, events: Iterable[Record]) -> Failed | None:
+        """The rows that the model could not compute, with the reason that the stage told of the
+        first among its ``events``; None: there are none."""
+        asked, rows, first = self.clock[ASKED:].tolist()
+        why = [e.reason for e in events if isinstance(e, Event) and e.kind == FAILING]
+        return Failed(rows, asked, first, [*why, UNKNOWN][0]) if rows else None
 
     @property
     def updates(self) -> Int64[np.ndarray, " ng"]:
@@ -229,7 +241,7 @@ class Track:
             np.zeros((at.LEARN, ny)), np.zeros((vote, ny)), np.zeros((vote, ny)),
             np.zeros((vote, ng), dtype=np.int64), np.zeros((vote, ng), dtype=np.int64),
             np.zeros((vote, ny)), np.zeros((nu, 5)), np.zeros((nu, 6), dtype=np.int64),
-            np.zeros(2, dtype=np.int64), x0.copy(), np.zeros((ny, 12)),
+            np.zeros(5, dtype=np.int64), x0.copy(), np.zeros((ny, 12)),
             np.zeros(6, dtype=np.int64), np.zeros((ng, len(x0))),
         )  # fmt: skip
 
@@ -270,6 +282,9 @@ class Track:
         room = min(8 * n, NOTES) * ng + 8 * ng + 2 * nu + 1
         found, detail = np.empty((room, 8), dtype=np.int64), np.empty((room, 3 + 2 * ny))
         kernel, extent, start = self._kernel, np.zeros(1, dtype=np.int64), 0
+        kept = tuple(failures_in(kernel))
+        for one in kept:
+            one.forget()
         records: list[Event] = []
         columns = contiguous(block)[1:]
         while start < n:
@@ -283,7 +298,11 @@ class Track:
                 extent[0] = 0
         if kernel.remote is not None:
             row, time = block.row + n - 1, int(block.t[-1])
-            records += [Event(row, time, "model_failed", "", text) for text in kernel.remote.news()]
+            records += [Event(row, time, FAILING, "", text) for text in kernel.remote.news()]
+        new = int(state.clock[FIRST_FAILED])
+        if state.clock[FAILED] and new >= block.row:
+            why = next(filter(None, (one.why() for one in kept)), UNKNOWN)
+            records.append(Event(new, int(block.t[new - block.row]), FAILING, "", why))
         return state, Out(rows, tuple(records))
 
 

@@ -14,6 +14,7 @@ from evertwin.compiled.calls import call
 from evertwin.compiled.functions import njit
 from evertwin.compiled.memory import borrowed
 from evertwin.fold import Mark
+from evertwin.models.kernel import RAISED
 from evertwin.sync import places as at
 from evertwin.sync.arbiter_loop import RESET, forget, judge
 from evertwin.sync.beside_loop import CREPT, JUMPED, STARTED, begin, is_doubtful, outcome, turn_back
@@ -36,7 +37,7 @@ from evertwin.sync.plausible_loop import grown, variance_of
 from evertwin.sync.run_loop import keep_start
 from evertwin.sync.vote_loop import note
 
-TASK, BEGUN = 0, 1
+TASK, BEGUN, ASKED, FAILED, FIRST_FAILED = range(5)
 ABSENT, OVERRULED, ERROR = int(Mark.ABSENT), int(Mark.OVERRULED), int(Mark.ERROR)
 FIRST = 4
 PAUSES, LEAST, REMEMBERS, GROWS = 5, 10**9, 512, 4
@@ -182,9 +183,12 @@ def run(
         for g in range(ng if clock[BEGUN] == 0 or gap[i] or task[i] != clock[TASK] else 0):
             numbers[g, at.HEARD] = t[i]
         clock[BEGUN], clock[TASK] = 1, task[i]
-        failed = anew and nx > 0
+        failed, raised = anew and nx > 0, False
         if not failed:
             code = call(step, c, a, u_at + 8 * i * nu, dt[i], parameters, b, out_at)
+            asked = is_row_known(inputs, i)
+            raised = asked and (code & RAISED) != 0
+            clock[ASKED] += asked
             failed = code != 0 or not is_known(next_x) or (anew and not is_known(sample[2]))
         for j in range(ny):
             measured[j], marked[j], take[j] = y[i, j], mark[i, nu + j], np.nan
@@ -208,13 +212,17 @@ def run(
             follows = follows and not held
             if held or (not follows and far):
                 doubt(known[0], known[1], notes, inputs, doubted, i, now, alike)
-                failed, phase = False, phase_of(inputs, i, column, borders)
+                failed, raised, phase = False, False, phase_of(inputs, i, column, borders)
                 for k in range(nx):
                     ahead[k] = beyond[k]
                 for j in range(ny):
                     predicted[j] = expects[j]
         if not usual:
             believe(known[0], known[1], notes, inputs, doubted, i, now, follows)
+        if raised:  # no more is known of it than of a row without inputs
+            clock[FIRST_FAILED] = clock[FIRST_FAILED] if clock[FAILED] > 0 else first + i
+            clock[FAILED] += 1
+            used[i, :] = np.nan
         for k in range(nx):
             x[k] = (x[k] if lasts else x0[k]) if failed else ahead[k]
         for j in range(ny):

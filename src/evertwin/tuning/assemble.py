@@ -20,6 +20,7 @@ import scipy
 
 from evertwin.models.kernel import ANEW
 from evertwin.signals.sizes import sizes
+from evertwin.tuning.adopted_noise import by_noise
 from evertwin.tuning.advice import advise
 from evertwin.tuning.autocorrelation import Correlation, effective
 from evertwin.tuning.closed import dense, summed
@@ -331,6 +332,9 @@ def _covariance(
     covariance, degrees = combined(parts, inverse, problem.information, rows, acting.paid)
     if len(problem.model.states):
         covariance += _by_starts(problem, values, acting, sigma, inverse)
+        known, own = by_noise(problem, values, acting, sigma, inverse), covariance.diagonal()
+        ratio = np.sqrt(np.maximum(known / np.where(own > 0.0, own, np.inf), 1.0))
+        covariance *= np.outer(ratio, ratio)
         bent, edge = bends(problem, values, acting, sigma)
         covariance += np.diag(np.square(bent))
         whole = acting.information(sigma) + np.diag(problem.information)

@@ -34,10 +34,19 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from evertwin.errors import ModelError
-from evertwin.models import Model
+from evertwin.models import Model, Restart, kernel_of, roll
 from evertwin.signals.spoken import MANY, MOST, share
 from evertwin.tuning.sensitivity import Sensitivity, Spectrum
-from evertwin.types import Float64, Outputs, PerOutput, Vector
+from evertwin.types import (
+    Float64,
+    Inputs,
+    Intervals,
+    Outputs,
+    ParameterVector,
+    PerOutput,
+    StateVector,
+    Vector,
+)
 
 Matrix: TypeAlias = Float64[np.ndarray, "k k"]
 
@@ -226,7 +235,7 @@ def _silent(
         x = model.initial(p) * factor
         if not silent:
             break
-        reference = model.simulate(x, u, dt, p)[1]
+        reference = _simulated(model, x, (u, dt), p)
         for name in tuple(silent):
             place = model.parameters.index(name)
             low, high = model.parameters.low[place], model.parameters.high[place]
@@ -234,11 +243,23 @@ def _silent(
                 other = p.copy()
                 step = amount * max(abs(p[place]), 1.0)
                 other[place] = min(max(p[place] + step, low), high)
-                y = model.simulate(model.initial(other) * factor, u, dt, other)[1]
+                y = _simulated(model, model.initial(other) * factor, (u, dt), other)
                 if not np.array_equal(y, reference, equal_nan=True):
                     silent.remove(name)
                     break
     return tuple(silent)
+
+
+def _simulated(
+    model: Model, x: StateVector, rows: tuple[Inputs, Intervals], p: ParameterVector
+) -> Outputs:
+    """Outputs of a free run; NaN where the model has none."""
+    try:
+        return model.simulate(x, *rows, p)[1]
+    except ModelError:  # its step raised something at a row
+        return roll(kernel_of(model), x, *rows, p, Restart.never(len(rows[0]), len(model.outputs)))[
+            1
+        ]
 
 
 def _probes(u: Any) -> tuple[Any, Any]:

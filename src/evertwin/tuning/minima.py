@@ -22,7 +22,7 @@ import numpy as np
 
 from evertwin.fold import take
 from evertwin.tuning.assemble import rms
-from evertwin.tuning.nonlinear import least_squares
+from evertwin.tuning.nonlinear import begun, least_squares
 from evertwin.tuning.problem import Problem
 from evertwin.types import PerOutput, Vector
 
@@ -41,7 +41,7 @@ NEAR = 1e-3
 
 
 def lowest(problem: Problem) -> Problem:
-    """The problem; begun where fits to ever more rows lead, if what is left there is less."""
+    """The problem; its search begins where fits to ever more rows lead, if less is left there."""
     if problem.linear or not len(problem.model.states) or problem.settings.starts > 1:
         return problem
     left, alike = _left(problem, least_squares(problem, problem.settings).values)
@@ -51,17 +51,19 @@ def lowest(problem: Problem) -> Problem:
     share = _left(problem, found)[0][left > 0.0] / left[left > 0.0]
     if not (len(share) and np.mean(share) < LESS):
         return problem
-    return replace(problem, prior=problem.parameters.with_values(problem.full(found)))
+    begin = tuple(zip(problem.names, found.tolist(), strict=True))
+    return replace(problem, settings=replace(problem.settings, begin=begin))
 
 
 def _grown(problem: Problem) -> Vector:
     """Where searches on ever more of each recording lead: a short motion has one minimum, and what
     is found there begins near that of a longer."""
-    values, rough = problem.start, replace(problem.settings, tolerance=NEAR)
+    values, rough = begun(problem, problem.settings), replace(problem.settings, tolerance=NEAR)
     for part in PARTS:
         some = tuple(take(w, 0, max(math.ceil(part * len(w.t)), FEWEST)) for w in problem.windows)
         prior = problem.parameters.with_values(problem.full(values))
-        values = least_squares(replace(problem, windows=some, prior=prior), rough).values
+        part_of = replace(problem, windows=some, prior=prior)
+        values = least_squares(part_of, rough, start=values).values
     return values
 
 

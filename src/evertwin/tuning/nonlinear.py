@@ -133,6 +133,13 @@ class Objective:
         return (low[self.free] - base) / self.sizes, (high[self.free] - base) / self.sizes
 
 
+def begun(problem: Problem, settings: Settings) -> Vector:
+    """Where the search begins, (k,): the problem's start, but for what the settings say."""
+    known = dict(settings.begin)
+    pairs = zip(problem.names, problem.start.tolist(), strict=True)
+    return np.array([known.get(name, value) for name, value in pairs])
+
+
 def least_squares(
     problem: Problem,
     settings: Settings,
@@ -140,7 +147,7 @@ def least_squares(
     start: Vector | None = None,
 ) -> Outcome:
     """Tunes the ``free`` parameters (default: all); the others stay."""
-    base = problem.start.copy() if start is None else np.array(start)
+    base = begun(problem, settings) if start is None else np.array(start)
     every = np.ones(len(base), dtype=np.bool_) if free is None else free
     if not every.any():
         return Outcome(base, 0, 0, True, "nothing to solve: no parameter is identifiable",

@@ -48,6 +48,8 @@ class Settings:
     """Ctrl-C stops the search and keeps the best so far; a second one ends the program."""
     lenient: bool = False
     """A parameter that changes no output anywhere stays as it is, and is no error."""
+    begin: tuple[tuple[str, float], ...] = ()
+    """Names and values that the search begins with; the others begin as the problem says."""
     far: Far | None = None
     """Where differences are simulated; absent: in this process, in threads where they pay."""
 

@@ -12,7 +12,8 @@ from dataclasses import replace
 import numpy as np
 import scipy
 
-from evertwin.errors import DataError
+from evertwin.errors import DataError, ModelError
+from evertwin.models.batch import is_native
 from evertwin.models.corrected import Corrected
 from evertwin.tuning.assemble import Outcome, assemble, noise_of, sizes_of, squares
 from evertwin.tuning.closed import ClosedForm
@@ -21,7 +22,7 @@ from evertwin.tuning.gram import FINE, solved
 from evertwin.tuning.identifiability import connected, gate
 from evertwin.tuning.mixed import project, separable
 from evertwin.tuning.noisy_starts import without_noise
-from evertwin.tuning.nonlinear import least_squares
+from evertwin.tuning.nonlinear import begun, least_squares
 from evertwin.tuning.problem import Problem
 from evertwin.tuning.sensitivity import Sensitivity
 from evertwin.tuning.settings import Settings
@@ -122,13 +123,15 @@ def _bounded(problem: Problem, r: Outputs, sigma: PerOutput) -> tuple[Vector, tu
 
 
 def _search(problem: Problem, settings: Settings, began: float) -> Fit:
-    acting = problem.sensitivity(problem.start)
+    _check_repeats(problem)
+    begin = begun(problem, settings)
+    acting = problem.sensitivity(begin)
     held = ("",) * len(problem.names)
     if acting.finite:
         _check_knobs(problem, acting)
-        first = squares(problem, problem.first)
+        first = squares(problem, problem.residuals(begin))
         sigma = noise_of(problem, first, np.zeros(len(first.rows)))
-        sizes = sizes_of(problem, acting, problem.start)
+        sizes = sizes_of(problem, acting, begin)
         before = gate(acting, sigma, problem.names, sizes)
         # Collinear parameters take part, so that the others stay unbiased; they are put back after.
         held = tuple(r if r.startswith("not excited") else "" for r in before.reasons)
@@ -148,6 +151,26 @@ def _search(problem: Problem, settings: Settings, began: float) -> Fit:
         outcome = outcome._replace(values=freed)
     end = problem.sensitivity(outcome.values)
     return assemble(problem, outcome._replace(held=held), end, began)
+
+
+def _check_repeats(problem: Problem) -> None:
+    """A step in plain Python may draw numbers, or keep some from call to call.
+
+    Raises:
+        ModelError: the same rows are simulated otherwise the second time.
+    """
+    if is_native(problem.batch.kernel):
+        return
+    again = np.abs(problem.residuals(problem.start) - problem.first)
+    if (again > 0.0).any():
+        row, k = np.unravel_index(int(np.nanargmax(again)), again.shape)
+        output = problem.model.outputs.channels[int(k)]
+        raise ModelError(
+            "the model gives other outputs when the same rows are simulated again "
+            f"({output.name} by {again[row, k]:.3g} {output.unit} at row {row}): its step draws "
+            "random numbers, or keeps something between two calls; let it follow from x, u, dt "
+            "and p alone"
+        )
 
 
 def _check_knobs(problem: Problem, acting: Sensitivity) -> None:
