@@ -36,7 +36,7 @@ from evertwin.store import Store, opened
 
 if TYPE_CHECKING:
     from evertwin.engine import Engine
-    from evertwin.loop import Progress
+    from evertwin.loop import Progress, Samples
     from evertwin.outcome import Comparison, Kpi, RunResult
     from evertwin.prognosis import Lives, Plan, Prospect, Verdict
     from evertwin.refit import FitResult, Watch
@@ -181,7 +181,7 @@ class Twin(loop.ByHand):
         return refit.posed(self.setup, self._versions, self.champion.number, self.blocks(train))[0]
 
     @_RUNAWAY
-    def push(self, samples: Chunk | Mapping[str, Any]) -> None:
+    def push(self, samples: Samples) -> None:
         """More samples of one source as they come, stored and folded; the run goes on to `finish`.
 
         With ``[engine] workers`` no sample waits for slow work: answers are taken when they come.
@@ -191,10 +191,10 @@ class Twin(loop.ByHand):
         """
         self.going(samples).push(samples)
 
-    def going(self, samples: Chunk | Mapping[str, Any] | None = None) -> loop.Live:
+    def going(self, *first: Samples) -> loop.Live:
         """The run of pushed samples: it begins, or goes on where a process before was cut off."""
         if self._live is None:
-            here, engine = (self.setup, self._ledger, samples or {}), self._engines.of(None)
+            here, engine = (self.setup, self._ledger, first), self._engines.of(None)
             self._live = loop.Live.of(*here, engine, self._lasting)
         return self._live
 

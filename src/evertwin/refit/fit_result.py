@@ -186,8 +186,11 @@ class FitResult:
         )
 
     def __str__(self) -> str:
-        """Parameters, then deviations per recording."""
-        lines = [*filter(None, [self.unseen]), str(self.fit)]
+        """What speaks against it, parameters, then deviations per recording."""
+        doubts = [
+            f"look at {one.source} first: {s}" for one in self.left_out for s in one.suspicions
+        ]
+        lines = [*doubts, *filter(None, [self.unseen]), str(self.fit)]
         lines += [
             f"law of {output}: {law}"
             + (f" ({self.causes[output]})" if output in self.causes else "")

@@ -158,8 +158,8 @@ def led(setup: Setup, train: Data, windows: Windows) -> tuple[Windows, Windows]:
     """The rows of recordings before the parts of them that are trained on, which say what these
     begin with, and the parts; none where one is no excerpt of a file, or is cut into windows."""
     listed = [train] if isinstance(train, str | Path) else train
-    files = isinstance(listed, Sequence) and all(isinstance(one, str | Path) for one in listed)
-    parts = [Excerpt.parse(str(one)) for one in listed or ()] if files else []
+    several = listed if isinstance(listed, Sequence) else ()
+    parts = [Excerpt.parse(one) for one in several if isinstance(one, str | Path)]
     if not parts or not all(0.0 < part.start < math.inf for part in parts):
         return (), windows
     earlier = [f"{part.path}@:{part.start}" for part in parts]

@@ -47,9 +47,7 @@ def own_names(model: Model, names: Sequence[str], recordings: int) -> tuple[str,
 def extended(parameters: Parameters, model: Model, recordings: int) -> Parameters:
     """The model's parameters, then the starts of every recording after the first."""
     starts = initials(model)
-    more = [
-        replace(parameters[n], name=_own(n, k)) for k in range(1, recordings) for n in starts
-    ]
+    more = [replace(parameters[n], name=_own(n, k)) for k in range(1, recordings) for n in starts]
     return parameters + Parameters(tuple(more)) if more else parameters
 
 
