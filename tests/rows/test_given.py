@@ -20,6 +20,7 @@ from evertwin.errors import DataError, EvertwinError, UsageError
 from evertwin.fold import Block
 from evertwin.machines.mobile import Robot1D
 from evertwin.rows import Feed
+from evertwin.rows.given import given
 from evertwin.sources.spec import TimeSpec
 
 SPEC = TwinSpec("cart", ModelSpec("robot1d"))
@@ -189,7 +190,6 @@ def test_a_masked_value_is_none() -> None:
         (pd.concat([frame(), frame()[["x"]]], axis=1), "2 columns are called 'x': rename"),
         (frame().to_numpy(), "got ndarray: name its columns"),
         (frame().x, "got Series: name its columns"),
-        ([frame(), 3.0], "got float"),
         ((table for table in [frame()]), "got one of DataFrame: give recordings as a list"),
         (frame().rename(columns={"x": "way"}), "'x' is neither recorded .*there are v, way"),
     ],
@@ -197,6 +197,11 @@ def test_a_masked_value_is_none() -> None:
 def test_what_cannot_be_read_is_refused_with_its_column(data: Any, said: str) -> None:
     with Twin(SPEC) as twin, pytest.raises(EvertwinError, match=said):
         twin.run(data)
+
+
+def test_one_of_several_that_is_no_table_is_named() -> None:
+    with pytest.raises(UsageError, match="or a list of these, got float: name its columns"):
+        given(SPEC, Robot1D(), [frame(), 3.0])
 
 
 def test_a_file_of_a_twin_without_sources_is_refused_with_what_to_do(tmp_path: Path) -> None:

@@ -1,8 +1,10 @@
 """A run whose samples are pushed as they come.
 
 They take the way of recorded ones: stored (`Live.keep`), aligned and folded (`Live.fold`), each
-decision one transaction. So a sample is durable before any fold of it, and who answers for samples
-lets one thread keep while another folds. After a crash the run goes on from its newest checkpoint:
+decision one transaction. What is stored becomes durable in its order, with all that waits then
+(group commit): a sample no later than what is said of it, yet after `Live.push` has returned. Who
+answers for samples flushes the store between `Live.keep` and its answer, and lets one thread keep
+while another folds. After a crash the run goes on from its newest checkpoint:
 the samples that the store has from there on are folded again, with the answers that the log has, so
 that the twin stands where it stood. The same samples from a file give the same rows, records and
 versions.
@@ -10,7 +12,7 @@ versions.
 Samples that come faster than they could be folded one by one are folded together: what comes within
 `TOGETHER` of the last fold waits for the next sample after it, for the row of a beat, or for
 somebody who looks (`Live.settle`). So decisions are never late, and where rows are cut changes no
-bit. A store that outlives the process has each sample at once. Arrays (scans, images) are stored
+bit. A store that outlives the process takes each sample at once. Arrays (scans, images) are stored
 and make no rows.
 """
 
@@ -40,7 +42,6 @@ from evertwin.outcome.result import OutputFigures, RunResult
 from evertwin.outcome.view import View
 from evertwin.rows.alignment import Alignment, AlignmentState
 from evertwin.rows.feed import Feed as Recorded
-from evertwin.rows.feed import Frame
 from evertwin.rows.given import samples as samples_of
 from evertwin.rows.given import tabled
 from evertwin.rows.rate import ENOUGH, rate_of
@@ -48,6 +49,7 @@ from evertwin.rows.samples import Numbered
 from evertwin.rows.samples import Samples as Kept
 from evertwin.setup.setup import Setup
 from evertwin.setup.twin_state import Saved, TwinState
+from evertwin.sources.in_memory import Frame
 from evertwin.store import Checkpoint
 from evertwin.sync import Feed
 
@@ -149,7 +151,7 @@ class Live:
 
     @classmethod
     def of(
-        cls, setup: Setup, ledger: Ledger, first: Sequence[Samples], engine: Engine, lasting: bool
+        cls, setup: Setup, ledger: Ledger, first: Sequence[Any], engine: Engine, lasting: bool
     ) -> Live:  # fmt: skip
         """The run of a machine's sources; of the ``first`` samples where the twin file has none."""
         feed = Recorded(setup.spec, setup.model)
@@ -157,8 +159,8 @@ class Live:
         named = [n for one in tables for n in tabled(setup.spec, setup.model, one).source.channels]
         return cls(setup, ledger, feed.live(named), engine, lasting)
 
-    def push(self, samples: Samples) -> None:
-        """More samples of one source, in the order in which they came; or columns by name.
+    def push(self, samples: Any) -> None:
+        """More samples of one source (`Samples`), in the order in which they came.
 
         Raises:
             DataError: the source is unknown, or has another number of columns.

@@ -113,15 +113,15 @@ def also_pinned(told: str, version: int, *, pinned: bool) -> str:
 
 
 def first_of_rows(told: str, left_out: Sequence[Tally]) -> str:
-    """``told``, after what became of most rows of a source, where most were left out, and after
-    what is probably wrong with all of them."""
+    """``told``, after what became of most rows of a source, where most were left out, or after
+    what may be wrong with all of them."""
     for tally in left_out:
         why, who = "; ".join(tally.suspicions or tally.lines()[:1]), tally.source or "the data"
         if tally.share > LOST:
             rows = f"{tally.left_out} of {tally.left_out + tally.used} rows"
             return f"{rows} of {who} were left out: {why}. {told}"
-        if tally.suspicions:
-            return f"Look at {who} first: {why}. {told}"
+        if tally.doubt:
+            return f"Look at {who} first: {tally.doubt}. {told}"
     return told
 
 

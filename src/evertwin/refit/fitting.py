@@ -7,7 +7,7 @@ output, only while the error on held-out tasks falls.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
@@ -215,7 +215,7 @@ def _watched(problem: Problem, stop: Interrupt, watch: Watch | None) -> Problem:
 
 
 def fit(
-    setup: Setup, versions: Versions, number: int, data: tuple[Data, tuple[Any, ...]],
+    setup: Setup, versions: Versions, number: int, data: tuple[Data, Any],
     watch: Watch | None = None, engine: Engine | None = None,
 ) -> FitResult:  # fmt: skip
     """Tunes version ``number`` on ``data``'s first part, judges it on each of the second.
@@ -225,7 +225,7 @@ def fit(
     train, test = data
     done = tune(setup, versions, number, train, watch, engine)
     formed, model, found = done.formed, done.model, done.formed.fit
-    tests = [(named(item), done.judged(done.rows(listed(item)))) for item in test]
+    tests = [(named(item), done.judged(done.rows(listed(item)))) for item in each(test)]
     together = [prediction for _, one in tests for prediction in one.predictions]
     rule = setup.spec.filter
     own = done.judged(done.tasks, own=False).predictions
@@ -233,7 +233,7 @@ def fit(
         setup.spec.name, found, deviations(setup, own),
         deviations(setup, together) if tests else (),
         tuple((name, deviations(setup, one.predictions)) for name, one in tests),
-        done.chosen.laws, done.chosen.causes,
+        dict(done.chosen.laws), dict(done.chosen.causes),
         None if rule is None else {"kind": rule.kind, "order": rule.order, "cutoff": rule.cutoff},
         model.parameters.with_values(found.p), formed.form, done.unknown, formed.search,
         tuple(tuple(one.begun) for _, one in tests),
@@ -270,6 +270,12 @@ def _spoiled(model: Model, tasks: tuple[Block, ...]) -> dict[str, int]:
 def named(item: Any) -> str:
     """What a recording is called."""
     return item if isinstance(item, str) else getattr(item, "name", "") or "rows"
+
+
+def each(tests: Any) -> tuple[Any, ...]:
+    """Recordings to be judged alone; one is one of them."""
+    alone = isinstance(tests, str | Path | Mapping | Block) or hasattr(tests, "columns")
+    return (tests,) if alone else tuple(tests)
 
 
 def listed(item: Any) -> Any:

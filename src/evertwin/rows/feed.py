@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, Protocol, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -23,29 +23,11 @@ from evertwin.rows.alignment import Alignment
 from evertwin.rows.crop import cropped
 from evertwin.rows.given import COLUMNS, Given, given, unknown
 from evertwin.rows.time_scale import doubt
-from evertwin.sources.in_memory import in_memory
+from evertwin.sources.in_memory import Frame, in_memory
 from evertwin.sources.merging import Excerpt, each_once, merge
 from evertwin.sources.recorded import Recorded
 from evertwin.sources.tally import Tally
 from evertwin.sync import Feed as Brings
-
-
-class Frame(Protocol):
-    """A table of another package: a DataFrame of pandas or polars, an Arrow table.
-
-    >>> hasattr(Frame, "__getitem__")
-    True
-    """
-
-    @property
-    def shape(self) -> Any:
-        """Rows and columns."""
-        ...
-
-    def __getitem__(self, name: Any, /) -> Any:
-        """One column."""
-        ...
-
 
 Data: TypeAlias = (
     "str | Path | Sequence[str | Path] | Mapping[str, Any] | Frame | "
@@ -53,8 +35,7 @@ Data: TypeAlias = (
 )
 """A file, files or parts of them (``FILE@START:STOP``), a table with columns by name (a DataFrame,
 an Arrow table, a record array, a mapping of columns with ``t`` in seconds: `evertwin.rows.given`
-says how they are read) or several, each a recording, ready blocks, or None: the twin file's own
-recordings."""
+says how they are read) or several, each a recording, ready blocks, or None: the twin file's."""
 ALONE = "one row is left to use, and one alone tells nothing"
 ENOUGH, FINER = 100, 100
 """Samples that tell how far they are apart; rows of a grid for one of them that are too many."""
@@ -149,7 +130,8 @@ class Feed:
         whole numbers that the twin is too short for."""
         tally = self.tallies[chunk.source]
         if tally.whole[0]:
-            tally.suspect(doubt(*tally.whole, self.spec.prediction.horizon, self.model))
+            tally.doubt = doubt(*tally.whole, self.spec.prediction.horizon, self.model)
+            tally.suspect(tally.doubt)
             tally.whole = (0.0, "s")
         rate = self.spec.clock.rate
         if rate is None or len(chunk.t) < ENOUGH:

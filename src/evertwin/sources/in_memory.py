@@ -19,7 +19,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -41,6 +41,24 @@ _CELLS = "fiubmMS"
 """Kinds of arrays that can be cells."""
 _DATED = (datetime.date, datetime.time)
 _TOLD = (str, bytes, *_DATED)
+
+
+@runtime_checkable
+class Frame(Protocol):
+    """A table of another package: a DataFrame of pandas or polars, an Arrow table.
+
+    >>> hasattr(Frame, "__getitem__")
+    True
+    """
+
+    @property
+    def shape(self) -> Any:
+        """Rows and columns."""
+        ...
+
+    def __getitem__(self, name: Any, /) -> Any:
+        """One column."""
+        ...
 
 
 class InMemory(NamedTuple):
@@ -99,7 +117,7 @@ def _columns(data: Any) -> dict[str, Any] | None:
         return flat | {str(name): column for name, column in data.items()}
     names = getattr(getattr(data, "dtype", None), "names", None)
     names = names or getattr(data, "column_names", getattr(data, "columns", None))
-    if names is None or isinstance(names, str) or not hasattr(data, "__getitem__"):
+    if names is None or isinstance(names, str) or not isinstance(data, Frame):
         return None
     for name, count in Counter(map(str, names)).items():
         if count > 1:

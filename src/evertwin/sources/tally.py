@@ -68,6 +68,8 @@ class Tally:
     whole: tuple[float, str] = (0.0, "s")
     """What its stamps advance by where they are whole numbers, else 0, and what they are read
     in."""
+    doubt: str = ""
+    """The suspicion that is of all rows, those that were used above all."""
     notes: list[str] = field(default_factory=list)
     """How it was read where nobody had said so: no finding."""
 
