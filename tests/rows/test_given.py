@@ -222,6 +222,12 @@ def test_samples_are_pushed_as_frames_and_as_numbers(spec: TwinSpec) -> None:
         assert len(view.row) == 300 and np.allclose(view.measured[:, 0], frame().x)
 
 
+@pytest.mark.parametrize("kind", ["backward", "shuffled", "twice"])
+def test_a_table_that_is_out_of_order_is_not_pushed(kind: str) -> None:
+    with Twin(FILED) as twin, pytest.raises(DataError, match=r"samples: .*(sort the rows|repeat)"):
+        twin.push(DISORDER[kind](filed()))
+
+
 @pytest.mark.parametrize("samples", [None, (1, 2), 5, pd.Series([1.0])])
 def test_what_holds_no_samples_is_not_pushed(samples: Any) -> None:
     with (

@@ -35,6 +35,7 @@ from evertwin.sources.recorded import Recorded
 from evertwin.sources.spec import ChannelSpec, SourceSpec, TimeSpec
 from evertwin.sources.stamps import UNITS
 from evertwin.sources.table import Column, Recording, Table
+from evertwin.sources.tally import order_of_rows
 from evertwin.sources.time_unit import EPOCH, guess
 from evertwin.sync import Feed
 
@@ -114,7 +115,7 @@ def samples(spec: TwinSpec, model: Model, data: Any, feed: Feed) -> Chunk:
     """A table, or one row of it as numbers by name, as samples of the one source ``feed``.
 
     Raises:
-        DataError: a column lacks, or a row has no stamp.
+        DataError: a column lacks, a row has no stamp, or the rows are not in order.
         UsageError: it is no table.
     """
     held = tabled(spec, model, data)
@@ -124,6 +125,8 @@ def samples(spec: TwinSpec, model: Model, data: Any, feed: Feed) -> Chunk:
         there = ", ".join(c.name for c in held.recordings[0].tables[0].columns)
         raise DataError(f"columns: expected {', '.join(lacking)} too, got {there}")
     read = Recorded.of(held.source, held.recordings).samples()
+    if unsorted := order_of_rows(read.t):
+        raise DataError(f"samples: {unsorted}")
     order = [channels.index(name) for name in feed.channels]
     return Chunk(feed.name, read.t, np.ascontiguousarray(read.v[:, order]))
 
