@@ -15,7 +15,7 @@ import pyarrow
 import pytest
 
 from evertwin import Twin, TwinSpec
-from evertwin.config.spec import ChannelSpec, ClockSpec, ModelSpec, SourceSpec
+from evertwin.config.spec import AnomalySpec, ChannelSpec, ClockSpec, ModelSpec, SourceSpec, Span
 from evertwin.errors import DataError, EvertwinError, UsageError
 from evertwin.fold import Block
 from evertwin.machines.mobile import Robot1D
@@ -220,6 +220,14 @@ def test_samples_are_pushed_as_frames_and_as_numbers(spec: TwinSpec) -> None:
         twin.push({name: column.to_numpy()[200:] for name, column in table.items()})
         view = twin.view()
         assert len(view.row) == 300 and np.allclose(view.measured[:, 0], frame().x)
+
+
+def test_a_frame_of_which_one_row_is_left_is_refused_with_the_reason() -> None:
+    beside = replace(FILED, anomaly=AnomalySpec(window=Span(seconds=60.0)))
+    with Twin(beside) as twin:
+        for call in (twin.fit, twin.run):
+            with pytest.raises(DataError, match=r"299 of 300 rows.*sort the rows.*one row is left"):
+                call(filed()[::-1])
 
 
 @pytest.mark.parametrize("kind", ["backward", "shuffled", "twice"])

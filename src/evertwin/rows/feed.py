@@ -84,7 +84,7 @@ class Feed:
             )
 
     def several(self, data: Data = None) -> Iterator[Block]:
-        """`blocks` of files that hold more than one row that can be used.
+        """`blocks` of recordings that hold more than one row that can be used.
 
         Raises:
             DataError: one alone, or none, can be.
@@ -93,7 +93,7 @@ class Feed:
         for block in self.blocks(data):
             rows += len(block.t)
             yield block
-        if rows == 1 and self.files:
+        if rows == 1 and self.tallies:
             raise DataError(self.why(ALONE))
 
     def stream(self, data: Data = None) -> Iterator[Block]:
