@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -43,6 +44,7 @@ COLUMNS = "columns"
 """Name of the source of columns that were given by name."""
 TIME = "t"
 """Their time [s]."""
+SECONDS = TimeSpec(TIME)
 
 
 class Given(NamedTuple):
@@ -199,12 +201,17 @@ def _as_channels(
     recorded = dict.fromkeys((*needed, *(name for one in spec.source for name in one.channels)))
     there = [name for name in recorded if all(name in _names(one) for one in tables)]
     lacks = not {*needed} <= {*there}  # then all that there is is told with what lacks
-    time, notes = _time_of(spec, tables, TimeSpec(TIME))
+    time, notes = _time_of(spec, tables, SECONDS)
     every = [c.name for c in _table(tables[0]).columns if c.kind == "number" and c.name != TIME]
     names = dict.fromkeys([*there, *every]) if lacks else dict.fromkeys(there)
-    channels = {name: ChannelSpec(name, units.get(name) or "1") for name in names}
-    recordings = tuple(one.recording for one in tables)
-    return Given(SourceSpec(COLUMNS, channels, time=time), recordings, notes)
+    read = _columns(tuple((name, units.get(name) or "1") for name in names), time)
+    return Given(read, tuple(one.recording for one in tables), notes)
+
+
+@lru_cache(maxsize=64)
+def _columns(channels: tuple[tuple[str, str], ...], time: TimeSpec) -> SourceSpec:
+    """The source of columns by name, each in its unit."""
+    return SourceSpec(COLUMNS, {n: ChannelSpec(n, unit) for n, unit in channels}, time=time)
 
 
 def _time_of(
@@ -236,7 +243,7 @@ def _column_of_time(spec: TwinSpec, one: InMemory, told: TimeSpec) -> tuple[Time
             f"that numbers its rows is no time), got {there}: name one so, or give [clock] rate"
         )
     rows = next(iter(_table(one).rows([], column.name, strict=False)), None)
-    if rows is None or told.unit not in UNITS:
+    if rows is None or told.unit not in UNITS or rows.time.dtype.kind == "f":
         return told, ""
     looks = guess(column.name, rows.time[:1000], column.unit)
     if looks.unit in ORDERS:
