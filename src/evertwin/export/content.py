@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from evertwin.fold import Block, Event, interval
+from evertwin.fold import Block, Event
 from evertwin.ledger.versions import Versions
 from evertwin.models import Model
 from evertwin.models.form import Version
@@ -81,7 +81,7 @@ class Exported:
         return {
             "value": value, "unit": item.unit, "low": item.low, "high": item.high,
             "as_configured": item.value, "source": "tuned" if known else item.source,
-            "interval95": None if known is None else interval((known.low, known.high)),
+            "interval95": None if known is None else (known.low, known.high),
             "verdict": "not tuned" if known is None else known.verdict,
         }  # fmt: skip
 

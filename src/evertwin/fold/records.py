@@ -25,12 +25,12 @@ from evertwin.types import Json
 def interval(ends: Sequence[float | None] | None) -> tuple[float | None, float | None] | None:
     """Both ends of an interval; None where neither is known.
 
-    >>> interval((1.0, 2.0)), interval((None, None)), interval((-math.inf, math.inf))
-    ((1.0, 2.0), None, None)
+    >>> interval((1.0, math.inf)), interval((None, None)), interval((-math.inf, math.inf))
+    ((1.0, inf), None, None)
     """
-    told = [end if end is not None and math.isfinite(end) else None for end in ends or ()]
-    low, high = told or (None, None)
-    return None if low is None and high is None else (low, high)
+    low, high = ends or (None, None)
+    known = any(end is not None and math.isfinite(end) for end in (low, high))
+    return (low, high) if known else None
 
 
 def plain(value: object) -> Json:
