@@ -72,6 +72,8 @@ def test_the_rate_is_read_or_asked_for_where_no_column_is_a_time(
     stated = call("init", "stated.csv", "-o", "stated.toml")
     assert stated.code == 0 and not stated.err
     assert 'rate = "0.25 Hz"' in (folder / "stated.toml").read_text()
+    judged = read(folder / "stated.toml").anomaly.window.seconds
+    assert judged is not None and judged <= max(200.0 / 4, 10 * 100.0)  # of 50 rows, 4 s apart
     asked = call("init", "box.csv", "-o", "box.toml")
     assert asked.code == 0 and "log: rate of the rows" in asked.out
     run = call("run", "box.toml")

@@ -93,3 +93,27 @@ def test_a_motor_turns_as_fast_as_it_is_said_to(seed: int, fastest: float) -> No
         assert not twin.doctor(data).of_kind("unit")
         data["speed"][n // 2 :] *= 30 / np.pi
         assert "rpm for rad/s" in str(twin.doctor(data))
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("unit", ["rad/s/A", "1"])
+def test_numbers_that_nobody_stated_are_no_wrong_unit(seed: int, unit: str) -> None:
+    rng, n, speed = np.random.default_rng(seed), 1200, Layout.of(speed="rad/s")
+    current = np.repeat(rng.uniform(0.2, 1.0, n // 40), 40)
+    start = 1e-2 * rng.choice([0.75, 0.85, 1.15, 1.3])  # of what it is: about a power of ten
+    model = Translated(
+        step, Layout.of(current="A"), speed, speed,
+        Parameters.of(gain=(30.0 * start, unit), T=(0.5, "s")),
+    )  # fmt: skip
+    _, y = model.simulate(np.zeros(1), current[:, None], np.full(n, 0.1), np.array([30.0, 0.6]))
+    data = {
+        "t": 0.1 * np.arange(n), "current": np.roll(current, -1),
+        "speed": y[:, 0] + rng.normal(0.0, 0.03, n),
+    }  # fmt: skip
+    spec = TwinSpec("motor", ModelSpec("python"), prediction=PredictionSpec(horizon=2.0))
+    with Twin(spec, model) as twin:
+        found = twin.doctor(data)
+    if unit == "1":  # it says itself that it is of the size of one
+        assert not found.of_kind("not_tuned")
+    else:
+        assert found.ranked[0][0].kind == "not_tuned" and not found.of_kind("unit")

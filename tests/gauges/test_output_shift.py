@@ -150,7 +150,7 @@ def test_a_sensor_explains_by_what_it_is_off_by(scaled: bool) -> None:
         "sizes": np.array([0.5, 0.1]), "zeros": np.zeros(3),
     })  # fmt: skip
     known, left = np.ones((50, 2), dtype=bool), np.zeros((50, 2))
-    off, none = (Off(2, scaled, np.full(50, by), left) for by in (0.25, 0.0005))
+    off, none = (Off(2, scaled, np.full(50, by), left, left) for by in (0.25, 0.0005))
     assert moves(rows, off, known) == pytest.approx(50 * (4.0 if scaled else 2.5) ** 2)
     assert moves(rows, none, known) < 1e-5 * moves(rows, off, known)
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from evertwin import FunctionModel, Layout, Twin, TwinSpec
 from evertwin.anomaly.spec import AnomalySpec
-from evertwin.config.spec import ModelSpec, ParameterSpec, PredictionSpec
+from evertwin.config.spec import ModelSpec, ParameterSpec, PredictionSpec, StoreSpec
 from evertwin.models import Parameters
 from evertwin.trial import Recovery
 
@@ -24,7 +26,7 @@ def axis(seed: int, worn: float, repaired: bool) -> dict[str, np.ndarray]:
     return {"t": np.arange(n) * 0.01, "u": u, "y": gain * u + 0.01 * rng.normal(size=n)}
 
 
-def twin() -> Twin:
+def twin(store: str | None = None) -> Twin:
     model = FunctionModel(
         lambda x, u, dt, p: (x, [p[0] * u[0]]), Layout.of(u="1"), Layout.of(y="1"),
         parameters=Parameters.of(gain=(1.0, "1")),
@@ -32,7 +34,8 @@ def twin() -> Twin:
     spec = ModelSpec("given", {}, {"gain": ParameterSpec(editable=True)})
     asked = AnomalySpec(requirement=0.05, relative=True)
     ahead = PredictionSpec(horizon=0.1)
-    return Twin(TwinSpec("axis", spec, prediction=ahead, anomaly=asked), model)
+    kept = StoreSpec(path=store)
+    return Twin(TwinSpec("axis", spec, prediction=ahead, anomaly=asked, store=kept), model)
 
 
 @pytest.mark.parametrize(("seed", "worn"), [(1, 0.3), (2, -0.25)])
@@ -53,6 +56,28 @@ def test_a_machine_that_stays_worn_has_no_version_back() -> None:
     with twin() as axis_twin:
         axis_twin.run(axis(3, 0.3, repaired=False))
         assert not [e for e in axis_twin.events if e.kind == "rolled_back"]
+
+
+@pytest.mark.parametrize(("seed", "worn", "goes_to"), [(1, 0.3, 1.0), (2, -0.25, 0.5)])
+def test_a_repair_in_a_later_run_brings_the_version_of_an_earlier_one(
+    tmp_path: Path, seed: int, worn: float, goes_to: float
+) -> None:
+    """Or none, where the machine is as it never was."""
+    store, n = str(tmp_path / "axis.db"), 3000
+    with twin(store) as axis_twin:
+        axis_twin.run(axis(seed, worn, repaired=False))
+    rng, k = np.random.default_rng([seed, 1]), np.arange(END, END + n)
+    u = np.sin(k * 0.07) + np.sin(k * 0.031)
+    gain = np.where(k < END + 1000, 1.0 + worn, goes_to)
+    rows = {"t": k * 0.01, "u": u, "y": gain * u + 0.01 * rng.normal(size=n)}
+    with twin(store) as axis_twin:
+        went = axis_twin.run(rows).of_kind("promoted")
+    back = [e for e in went if e.evidence["version"] == 0]
+    if goes_to != 1.0:
+        assert went and not back
+        return
+    assert back and 1000 < back[0].row < 2200, [(e.row, e.reason) for e in went]
+    assert "again as it was then, as after a repair" in back[0].reason
 
 
 def losses(seed: int, ratio: float, change: int, n: int = 400) -> np.ndarray:

@@ -103,6 +103,28 @@ def test_contacts_that_come_again_and_again_are_doubted() -> None:
     assert "acted on the machine 10 times" in many and "may be the machine's own" in many
 
 
+def test_a_recording_that_does_not_fill_the_window_says_why_nothing_was_sought() -> None:
+    with Twin(ROBOT) as twin:
+        rows = twin.setup.enough
+        short, whole = (
+            headline(twin.setup, figures(0.03, 0.03), (twin.champion,), [], None, measured)
+            for measured in (rows - 1, rows)
+        )
+    assert f"{rows - 1} rows are fewer than the {rows} of [anomaly] window" in short
+    assert whole.endswith("and nothing better has been found yet.")
+
+
+def test_where_the_machine_went_is_told_behind_what_came_of_it() -> None:
+    went = "outside what it has seen before row 9: v was never above 1, and is now at 2"
+    with Twin(ROBOT) as twin:
+        for signal, reason in (("", went), ("v", "v is off by a factor of 2")):
+            event = Event(9, 0, "abnormal", signal, reason, {"number": 1.0})
+            better = replace(twin.champion, number=1, reason="tuned gain")
+            told = headline(twin.setup, figures(0.03, 0.002), (better,), [event], None)
+            assert told.startswith("V is off" if signal else "The twin fits its machine now")
+            assert reason[1:] in told
+
+
 def test_within_but_suspected_says_both() -> None:
     text = said(ROBOT, 0.004, 0.004, "drift")
     assert text.startswith("Over all rows the twin is within what is asked: x is off by 4 mm")

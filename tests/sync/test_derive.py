@@ -43,7 +43,7 @@ def rows(seed: int, n: int = 300) -> Rows:
 
 
 def folded(seed: int) -> list[Rows | None]:
-    state, first = DERIVE.step(DERIVE.init(), rows(seed))
+    state, first, _ = DERIVE.step(DERIVE.init(), rows(seed))
     return [first, DERIVE.flush(state)[1]]
 
 

@@ -6,9 +6,10 @@ reference ``k`` the run length grows as
     log ARL ≈ θ·h + c,        E[exp(θ·(e − k))] = 1
 
 (Cramér's equation; Siegmund, "Sequential Analysis", 1985). ``θ`` is solved on the calm residual
-itself, whatever its distribution. ``c`` is counted: the detector runs over a long stream drawn from
-the residual in blocks, so that what is left of its dependence stays in, at limits low enough for
-many alarms that come from different places of the calm data.
+itself, whatever its distribution, and lessened by what so many samples do not know of it: the mean
+of the exponentials is taken two standard errors larger than it is. ``c`` is counted: the detector
+runs over a long stream drawn from the residual in blocks, so that what is left of its dependence
+stays in, at limits low enough for many alarms that come from different places of the calm data.
 
 >>> e = np.random.default_rng(0).normal(size=20_000)
 >>> limit = limit_for(e, k=1.0, target=86_400.0, rng=np.random.default_rng(1))
@@ -31,6 +32,8 @@ MONTH = 30 * 86400.0
 STREAM = 1 << 17
 """Samples of the stream that alarms are counted on."""
 LEVELS = 40
+SURE = 2.0
+"""Standard errors by which θ is lessened."""
 STEEPEST = 50.0
 """Largest θ: increments that never exceed k would give infinity."""
 
@@ -89,14 +92,15 @@ def steepness(e: Vector, k: float) -> tuple[float, float]:
 
 
 def _cramer(e: Vector, k: float) -> float:
-    """The positive root θ of the mean of exp(θ·(e − k)) = 1."""
+    """The positive root θ of the mean of exp(θ·(e − k)) = 1, that mean at its upper bound."""
     if float(e.max()) <= k:
         return STEEPEST
 
     def excess(theta: float) -> float:
         exponent = theta * (e - k)
         top = float(exponent.max())
-        return top + float(np.log(np.mean(np.exp(exponent - top))))
+        parts = np.exp(exponent - top)
+        return top + float(np.log(parts.mean() + SURE * parts.std() / np.sqrt(len(e))))
 
     high = 1e-3
     while excess(high) < 0 and high < STEEPEST:

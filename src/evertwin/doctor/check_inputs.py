@@ -13,7 +13,7 @@ from functools import partial
 
 import numpy as np
 
-from evertwin.doctor.check_units import changed, tuned
+from evertwin.doctor.check_numbers import changed, tuned
 from evertwin.doctor.examination import View
 from evertwin.doctor.finding import Finding
 from evertwin.fold import Block

@@ -20,23 +20,20 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
+from evertwin.doctor.check_numbers import changed, not_tuned, tuned
 from evertwin.doctor.examination import View
 from evertwin.doctor.finding import Finding
-from evertwin.errors import DataError, ModelError, UsageError
 from evertwin.fold import Block, take
 from evertwin.gauges.misread import ANSWERED, likeliest
-from evertwin.gauges.unlike import Changes, changes
+from evertwin.gauges.unlike import Changes
 from evertwin.models import roll
 from evertwin.models.function import kernel_of
-from evertwin.refit.physical import physically
-from evertwin.refit.work import Work
 from evertwin.rows.channels import recorded_as, unit_recorded
 from evertwin.signals import Layout
 from evertwin.signals.delay import Lag
 from evertwin.signals.units import compatible
 from evertwin.sync.horizon import restarts, trusted
 from evertwin.sync.lag import SharedLag, shared_lag
-from evertwin.tuning import solve, told_apart
 from evertwin.types import ParameterVector, Vector
 
 _ANGLES, _LENGTHS = ("rad", "rad/s", "rad/s^2"), ("m", "m/s", "m/s^2")
@@ -98,8 +95,15 @@ def look_units(view: View, figures: dict[str, Any]) -> list[Finding]:
         p = _numbers(view, partial(_scaled, by=applied))
         seen = changed(view, p, _scaled(window, applied))
         before = seen.mismatch
-        best = _best(view, p, (window, applied), seen) if (before > WRONG).any() else []
-        if not best:
+        if not (before > WRONG).any():
+            break
+        best = _best(view, p, (window, applied), seen)
+        change = partial(_scaled, by=applied)
+        if len(view.model.states) and not (best and best[0].factor < 0):
+            left = best[0].after if best else before
+            numbers = tuned(view, change, view.windows)  # not judged by those in doubt
+            found += not_tuned(view, change(window), numbers, (before, left))
+        if not best or (found and found[-1].kind == "not_tuned"):
             break
         found.append(_told(view, best, before))
         applied = (*applied, (best[0].suspect, best[0].factor))
@@ -217,26 +221,6 @@ def _numbers(
     """The version's, or what the rows tune those of a static map to, once changed; held to resist,
     and in bounds, they take up no sign."""
     return view.version.p if len(view.model.states) else tuned(view, change)
-
-
-def tuned(view: View, change: Callable[[Block], Block]) -> ParameterVector:
-    """What the changed rows tune the numbers to; the version's where they cannot be tuned."""
-    work, p = Work(view.setup, view.versions), view.version.p
-    windows = tuple(change(window) for window in view.some(view.judged))
-    try:
-        names = work.editable(view.version)
-        problem = work.problem(view.version, windows, names)
-        return (
-            physically(problem, lambda one: (told_apart(one, solve(one)), {}))[0].p if names else p
-        )
-    except (DataError, ModelError, UsageError):  # `look_tuning` says why
-        return p
-
-
-def changed(view: View, p: ParameterVector, window: Block) -> Changes:
-    """How unlike the changes over the horizon are, measured and predicted with numbers ``p``."""
-    with np.errstate(all="ignore"):
-        return changes(view.model, p, window, view.horizon)
 
 
 def _scaled(window: Block, by: tuple[_Factor, ...]) -> Block:

@@ -40,6 +40,8 @@ USUAL = 3.0
 """So many times their usual square rows inside are off at most."""
 NAMED = 3
 """Inputs that are named."""
+OUTSIDE = "outside what it has seen"
+"""How that is told."""
 
 
 @unmeasured()
@@ -64,7 +66,7 @@ def elsewhere(rows: Rows) -> SensorChange | None:
     if not _only_there(squares[known], since[known], some[known]):
         return None
     return SensorChange("", 1.0, (
-        f"outside what it has seen before {called(rows.row(first))}: "
+        f"{OUTSIDE} before {called(rows.row(first))}: "
         f"{_told(rows, np.concatenate([past, u[:first]]), u[first:], out[first:])}: whether "
         "the form does not hold there or the machine changed cannot be told from these rows; "
         "nothing is learned from them, and no sensor is blamed"

@@ -58,7 +58,7 @@ SENSOR, SAME = "a sensor of ", "would look the same"
 class Off(NamedTuple):
     """What a channel is off by.
 
-    >>> Off(0, True, np.array([0.0, 0.25]), np.zeros((2, 1))).by.tolist()
+    >>> Off(0, True, np.array([0.0, 0.25]), np.zeros((2, 1)), np.zeros((2, 1))).by.tolist()
     [0.0, 0.25]
     """
 
@@ -70,6 +70,8 @@ class Off(NamedTuple):
     """At each row, in SI or as a share, (n,)."""
     left: Outputs
     """Residual without it, (n, ny)."""
+    alone: Outputs
+    """The same where the machine stays as it was, (n, ny)."""
 
 
 @unmeasured()
@@ -125,7 +127,9 @@ def shifted_output(rows: Rows) -> tuple[SensorChange | None, str]:
             f"{100 * (1.0 - ours / off):.0f} % of the deviation, and no machine, nor an input, "
             "explains as much; nothing is learned from it"
         ), None, rows.row(edges[0])), ""  # fmt: skip
-    if ours <= ALIKE * theirs or (seen and ours <= usual):  # what is usual is nothing to explain
+    alike = ours <= ALIKE * theirs or (seen and ours <= usual)  # the usual is nothing to explain
+    # of a machine that became another one as well nobody says that its sensor alone did
+    if alike and rows.total(best.alone, known) <= ALIKE * max(theirs, usual):
         return None, f"; {SENSOR}{channel.name} that is off by {said} {SAME}"
     return None, ""
 
@@ -244,7 +248,7 @@ def _off(rows: Rows, channel: tuple[int, bool], lines: Float64[np.ndarray, "n k"
         if scaled and (by <= -1.0 + SHARE).any():
             return None
         left = left_with(by)
-    tuned = rows.left_on(undone(by))
+    alone, tuned = left, rows.left_on(undone(by))
     if tuned is not None:
         columns = slope[:, :, None] * lines[:, None, :]
         tuned = recorded(tuned, by)
@@ -253,7 +257,7 @@ def _off(rows: Rows, channel: tuple[int, bool], lines: Float64[np.ndarray, "n k"
         known = np.isfinite(tuned) & np.isfinite(left)
         if rows.total(tuned, known) < rows.total(left, known):
             by, left = by + lines @ more, tuned
-    return Off(k, scaled, by, left)
+    return Off(k, scaled, by, left, alone)
 
 
 def _machine(rows: Rows, edges: list[int]) -> Outputs | None:

@@ -23,6 +23,9 @@ from evertwin.models import Model
 from evertwin.models.corrected import build
 from evertwin.models.form import Form, Version
 
+FORMER = 8
+"""Versions at most that may come back."""
+
 
 class Versions:
     """Append-only list of versions over one base model.
@@ -84,6 +87,14 @@ class Versions:
         """Parameter values of a version, by name."""
         version = self[number]
         return dict(zip(version.names, version.values, strict=True))
+
+    def before(self, number: int) -> tuple[Version, ...]:
+        """Those that were live before a version, newest first: it was made from one, and so on."""
+        found, at = list[Version](), self[number].parent
+        while at is not None and len(found) < FORMER:
+            found.append(self[at])
+            at = self[at].parent
+        return tuple(found)
 
     def model_of(self, form: Form) -> Model:
         """The model of a form, built once."""

@@ -295,10 +295,11 @@ class Decide:
         begins = opening(follow.setup, state, candidate)
         if begins.said:
             decision.say("superseded", "", begins.said, begins.evidence)
+        former = candidate.get("version")
         version = follow.versions.add(
             Form.from_json(candidate["form"]), candidate["values"], parent=state.live.version,
             reason=str(candidate["reason"]), row=state.row,
-        )  # fmt: skip
+        ) if former is None else follow.versions[former]  # fmt: skip
         # the running segment, which the champion has begun, is no prediction of the challenger's
         scores = state.scores._replace(scale=begins.scale, pair=np.full(3, np.nan))
         watched = np.array(candidate["watched"], dtype=np.float64).reshape(-1, 2)
@@ -307,7 +308,8 @@ class Decide:
             trial=begins.trial, watched=watched,
         )  # fmt: skip
         decision.remember(
-            phase=TRIAL, tried=begins.tried, versions=version.number + 1,
+            phase=TRIAL, tried=begins.tried,
+            versions=max(state.agenda.versions, version.number + 1),
             brief=float(candidate.get("brief", -1.0)), begins=int(candidate.get("begins", 0)),
         )  # fmt: skip
 

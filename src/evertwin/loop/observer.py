@@ -187,7 +187,7 @@ class Observer:
         if trace:
             trace["moving"] = self.setup.moving(trace["input"])
             measured = int(np.isfinite(trace["measured"]).any(axis=1).sum())
-        said = headline(self.setup, outputs, told, self.events, trial, measured)
+        said = headline(driver.setup, outputs, told, self.events, trial, measured)
         pinned = state.agenda.pinned
         return RunResult(
             name=self.setup.spec.name, samples=state.row, seconds=seconds,

@@ -29,6 +29,7 @@ from evertwin.loop.driver import Driver
 from evertwin.loop.follow import Followed
 from evertwin.loop.observer import Observer
 from evertwin.outcome.headline import first_of_rows
+from evertwin.outcome.open_faults import KINDS
 from evertwin.outcome.result import RunResult
 from evertwin.rows.feed import ALONE, Data, Feed
 from evertwin.rows.rate import measured
@@ -140,12 +141,12 @@ class Run:
         result = self.ended(state, time.perf_counter() - began, over=over)
         had = looked if over else feed
         said = first_of_rows(result.headline, had.left_out)
-        gaps = (
+        aligned = (
             replace(event, row=event.row - place.offset)
             for event in had.events
-            if event.kind == "gap" and event.row >= place.offset
+            if event.kind in ("gap", "leapt", *KINDS) and event.row >= place.offset
         )
-        events = tuple(sorted((*gaps, *result.events), key=lambda event: event.row))
+        events = tuple(sorted((*aligned, *result.events), key=lambda event: event.row))
         return replace(
             result,
             left_out=had.left_out,

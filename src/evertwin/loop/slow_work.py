@@ -54,7 +54,7 @@ class SlowWork:
             agenda.kind, version, rows, agenda.tunings, agenda.held, agenda.again > 0, rival,
             agenda.commissioned, agenda.cause, earlier,
             None if version.parent is None else self.work.versions[version.parent],
-            (agenda.doubt, agenda.doubted),
+            (agenda.doubt, agenda.doubted), self.work.versions.before(version.number),
         )  # fmt: skip
         self.engine.submit(request, partial(self.work.content, task))
 

@@ -117,4 +117,6 @@ def spelled(event: Event, setup: Setup, versions: Versions, live: int) -> Event:
     number: Any = event.evidence["version"]
     new, old = versions[number], versions[live]
     evidence = {**event.evidence, "replaced": live}
-    return replace(event, reason=f"{event.reason}; {changes(setup, (new, old))}", evidence=evidence)
+    again = "the machine is again as it was then, as after a repair"
+    said = changes(setup, (new, old)) if number > live else again
+    return replace(event, reason=f"{event.reason}; {said}", evidence=evidence)

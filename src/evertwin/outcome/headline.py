@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from evertwin.fold import Event
+from evertwin.gauges.elsewhere import OUTSIDE
 from evertwin.models.form import Version
 from evertwin.outcome.changes import changes
 from evertwin.outcome.jumps import forgotten, jumps
@@ -68,7 +69,7 @@ def headline(
     refused = open_faults(events)
     faults = {**stepped, **refused}
     if known:
-        outcome = _outcome(setup, known, versions, events, trial)
+        outcome = _outcome(setup, known, versions, events, trial, measured)
         if refused.keys() & {one.group for one in setup.model.outputs}:
             outcome = FITS.sub("On the rows that were believed it is within what is asked", outcome)
     elif champion.number:
@@ -79,8 +80,9 @@ def headline(
     else:
         outcome = f"Nothing was predicted: {_why_none(measured)}."
     told = [*faults.values(), outcome, *went_back(events)]
-    if doubted and doubted not in outcome:
-        told.insert(0, f"{doubted[0].upper()}{doubted[1:]}.")
+    if doubted and doubted not in outcome:  # of a sensor in front; the machine may be elsewhere
+        place = len(told) if doubted.startswith(OUTSIDE) else 0
+        told.insert(place, f"{doubted[0].upper()}{doubted[1:]}.")
     told += map(_sentence, (*_last(events, "state"), *_last(events, "followed")))
     doubts = _doubts(events, faults, max(measured, events[-1].row if events else 0))
     if doubts:
@@ -176,7 +178,7 @@ def _contacts(events: Sequence[Event]) -> tuple[int, list[Event]]:
 
 def _outcome(
     setup: Setup, known: Mapping[str, OutputFigures], versions: tuple[Version, ...],
-    events: Sequence[Event], trial: OpenTrial | None,
+    events: Sequence[Event], trial: OpenTrial | None, measured: int,
 ) -> str:  # fmt: skip
     champion = versions[0]
     changed = {name: f for name, f in known.items() if f.after != f.before and f.before > 0}
@@ -193,7 +195,7 @@ def _outcome(
     shares = setup.relative and setup.decides and len(known) <= FEW
     now, lead = _sizes(known, "off", shares=shares), _lead(setup)
     off = {n: f for n, f in known.items() if f.judged > setup.requirement}
-    found = nothing_better(setup, events, trial)
+    found = nothing_better(setup, events, trial, measured)
     still, asked = "", _asked(setup, known)
     if off:
         still = f" Still, {_off(setup, off)}, and {found}."

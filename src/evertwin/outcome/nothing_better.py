@@ -18,8 +18,11 @@ NO_MACHINE = ("not physical: ", "outside: ")
 """How a rejection begins of numbers that no machine has, whatever they explain."""
 
 
-def nothing_better(setup: Setup, events: Sequence[Event], trial: OpenTrial | None) -> str:
-    """That a candidate is on trial, or what stands in the way of one."""
+def nothing_better(
+    setup: Setup, events: Sequence[Event], trial: OpenTrial | None, measured: int = 0
+) -> str:
+    """That a candidate is on trial, or what stands in the way of one; ``measured``: rows that
+    measure an output."""
     if trial is not None:
         if not trial.segments:
             return "a candidate has gone on trial, of which no unseen row has told yet"
@@ -52,6 +55,11 @@ def nothing_better(setup: Setup, events: Sequence[Event], trial: OpenTrial | Non
         tried = f"{len(rejected)} candidates were" if len(rejected) > 1 else "1 candidate was"
         why = f", the last {rejected[-1]}" if rejected[-1].startswith(NO_MACHINE) else ""
         return f"nothing better was found: {tried} tried{why}"
+    if 0 < measured < setup.enough and not any(e.kind == "suspected" for e in events):
+        return (
+            f"nothing was looked for: {measured:,} rows are fewer than the {setup.enough:,} of "
+            "[anomaly] window, on which a deviation is judged"
+        )
     return "nothing better has been found yet"
 
 

@@ -31,7 +31,8 @@ if TYPE_CHECKING:
 
 DECISIONS = (
     "promoted", "rolled_back", "superseded", "corrected", "changed", "external", "recurring",
-    "not_judged", "state", "training_restarted", "model_failed", "pinned", "configured", "drift",
+    "leapt", "not_judged", "state", "training_restarted", "model_failed", "pinned", "configured",
+    "drift",
 )  # fmt: skip
 """Kinds of event that a person reads first."""
 DATED = 3 * 10**17

@@ -47,12 +47,13 @@ from evertwin.refit.named_cause import named_first
 from evertwin.refit.newest import after, newer, newest
 from evertwin.refit.physical import embodied, passive
 from evertwin.refit.posterior import posterior
+from evertwin.refit.recovered import recovered
 from evertwin.refit.recursive_fit import Recursion
 from evertwin.refit.simplest import law_now
 from evertwin.refit.states import States, amount
 from evertwin.refit.tuner import ENOUGH, Tuner
 from evertwin.refit.workers import setup_of
-from evertwin.setup.evaluation import left, sizes
+from evertwin.setup.evaluation import left, scale_of, sizes
 from evertwin.setup.friction_law import acting
 from evertwin.setup.task import Task, Windows
 from evertwin.trial import admit
@@ -62,10 +63,6 @@ from evertwin.tuning.hidden_starts import own_starts
 from evertwin.tuning.recordings import beginning
 from evertwin.types import Json, ParameterVector
 
-LEAST = 0.05
-"""Smallest size of an output's loss, by that of the version before; few rows leave too little."""
-LITTLE = 0.1
-"""Weight in a loss of an output that tuning explains nothing of; 1: of one that it explains."""
 MUCH = 0.3
 """Explained share below which a suspicion waits for more rows, and by which a candidate has to
 surpass one that is on trial."""
@@ -190,7 +187,7 @@ class Work(Tuner):
             return task, {}
         scale = sizes(self.setup, found.problem, found.fit.values)
         reason, windows = f"{found.name}: {found.said}", found.problem.windows
-        candidate = self._candidate(version.form, found.values, scale, reason, windows)
+        candidate = self.candidate(version.form, found.values, scale, reason, windows)
         candidate |= {"brief": 0.0 if task.kind == "refine" else HALF, "begins": found.row}
         content = {"events": [], "fit": found.fit.to_dict(timing=False), "candidate": candidate}
         return task._replace(windows=windows), content
@@ -198,18 +195,18 @@ class Work(Tuner):
     def fit(self, task: Task) -> dict[str, Any]:
         """Tunes, and judges what the residual of the tuned model still says."""
         version, windows, commissioned = task.version, task.windows, task.commissioned
-        names = self.due(version, task.tunings)
-        if commissioned:
-            names = tuple(n for n in names if n not in self.setup.once)
+        once = self.setup.once if commissioned else ()
+        names = tuple(n for n in self.due(version, task.tunings) if n not in once)
         if not names:
             return {"events": [], "next": self._next()}
-        if task.held:
-            version = self.begun(version, windows)
-            task = task._replace(version=version)
+        task = task._replace(version=self.begun(version, windows)) if task.held else task
+        version = task.version
         windows, events = self.now(task, version, names)
         since = {"since": windows[0].row} if windows is not task.windows else {}
         model = self.versions.model_of(version.form)
         rows = self.setup, model, version.p, windows
+        if was := recovered(self, task, windows, events):
+            return was | since
         other, few = at_once(rows, task.windows) if commissioned else (None, None)
         if other:
             return of_a_sensor(other, *events) | since
@@ -297,11 +294,8 @@ class Work(Tuner):
         if self.setup.spec.tuning.method == "recursive":
             followed, newest, _ = Recursion.after(self.setup, problem, fit).learned(windows)
             values |= dict(zip(followed, newest.tolist(), strict=True))
-        # what was not off counts little: it would hide how much another output gains
-        before, after = (sizes(self.setup, problem, values) for values in (fit.start, fit.values))
-        after = np.clip(after, LEAST * before, before)
-        scale = after / np.sqrt(np.maximum(1.0 - (after / before) ** 2, LITTLE))
-        return self._candidate(version.form, values, scale, reason, windows)
+        scale = scale_of(*(sizes(self.setup, problem, v) for v in (fit.start, fit.values)))
+        return self.candidate(version.form, values, scale, reason, windows)
 
     # ------------------------------------------------------------------ correction
 
@@ -363,7 +357,7 @@ class Work(Tuner):
             "fit": posterior(
                 self.setup, self.versions.model_of(proposal.form), proposal, windows, tuple(moved)
             ),
-            "candidate": self._candidate(proposal.form, values, proposal.scale, reason, windows),
+            "candidate": self.candidate(proposal.form, values, proposal.scale, reason, windows),
         }
 
     def _tuned_alone(self, version: Version, windows: Windows) -> tuple[Problem, Fit] | None:
@@ -376,10 +370,11 @@ class Work(Tuner):
         least = HALF if self.setup.spec.correction.translated else self.setup.trial.margin
         return (problem, fit) if explained(fit, fit.noise) >= least else None
 
-    def _candidate(
+    def candidate(
         self, form: Form, values: Mapping[str, float], scale: np.ndarray, reason: str,
         windows: Windows,
     ) -> dict[str, Any]:  # fmt: skip
+        """As an answer holds it; ``scale``: what counts as 1 in its trial, per output."""
         return {
             "form": form, "values": values, "scale": scale, "reason": reason,
             "watched": self.watched(windows),

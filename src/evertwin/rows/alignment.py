@@ -39,6 +39,8 @@ QUIET = ("task_shifted",)
 """Notes of the alignment that are no event of the machine."""
 WIDE = ("filter", "derivative", "slope")
 """Operations that look at neighbouring rows."""
+SPEEDS = ("derivative", "slope")
+"""Operations that take a difference."""
 AT_ROW, HELD = "", "held "
 """Before the name of a column: the value at the row, or the one held over its interval."""
 
@@ -76,11 +78,13 @@ class Alignment:
             Taken(recorded_as(spec, name) if is_measured(spec, name) else None)
             for name in model.outputs.names
         ]
-        columns = _columns(operations, inputs, outputs, feeds)
-        operations = _used(operations, [one.column for one in (*inputs, *outputs)])
         angles = {
             recorded_as(spec, c.name) for c in (*model.inputs, *model.outputs) if c.kind == "angle"
         } | {name for one in spec.derive if one.op == "unwrap" for name in one.source}
+        moving = _moving(operations, inputs, {*angles, *(one.column for one in outputs)})
+        operations = (*(Operation(name, "steady", (name,)) for name in moving), *operations)
+        columns = _columns(operations, inputs, outputs, feeds)
+        operations = _used(operations, [one.column for one in (*inputs, *outputs)])
         held, measured = (
             Layout(tuple(Channel(name, "1", _kind(name, angles)) for name in some))
             for some in (columns.inputs, columns.outputs)
@@ -130,34 +134,35 @@ class Alignment:
             DataError: the source is unknown, or has another number of columns.
         """
         aligned, out = self.align.step(state.align, chunk)
-        derived, rows = self._derived(state.derive, out.rows, ends=False)
-        return AlignmentState(aligned, derived), rows, _told(out.records)
+        derived, rows, wrong = self._derived(state.derive, out.rows, ends=False)
+        return AlignmentState(aligned, derived), rows, (*_told(out.records), *wrong)
 
     def flush(
         self, state: AlignmentState
     ) -> tuple[AlignmentState, Block | None, tuple[Event, ...]]:
         """The rows that wait leave, since the data ends here."""
         aligned, out = self.align.flush(state.align)
-        derived, rows = self._derived(state.derive, out.rows, ends=True)
-        return AlignmentState(aligned, derived), rows, _told(out.records)
+        derived, rows, wrong = self._derived(state.derive, out.rows, ends=True)
+        return AlignmentState(aligned, derived), rows, (*_told(out.records), *wrong)
 
     def _derived(
         self, state: DeriveState, rows: Rows | None, *, ends: bool
-    ) -> tuple[DeriveState, Block | None]:
+    ) -> tuple[DeriveState, Block | None, tuple[Event, ...]]:
         if self.plain:
-            return state, None if rows is None else rows.block
-        parts = []
+            return state, None if rows is None else rows.block, ()
+        parts, wrong = list[Rows | None](), tuple[Event, ...]()
         if rows is not None:
-            state, left = self.derive.step(state, rows)
+            state, left, wrong = self.derive.step(state, rows)
             parts.append(left)
         if ends:
-            state, left = self.derive.flush(state)
+            state, left, more = self.derive.flush(state)
             parts.append(left)
+            wrong += more
         found = [part for part in parts if part is not None]
         if not found:
-            return state, None
+            return state, None, wrong
         whole = Rows(*(np.concatenate(column) for column in zip(*found, strict=True)))
-        return state, whole.block
+        return state, whole.block, wrong
 
 
 class _Columns(NamedTuple):
@@ -196,6 +201,16 @@ def _columns(
             )
     lines = [name for name in of_inputs if name not in of_outputs]
     return _Columns((*held, *lines), tuple(of_outputs))
+
+
+def _moving(
+    operations: Sequence[Operation], inputs: Sequence[Taken], others: set[str | None]
+) -> list[str]:
+    """Recorded channels of which an input's speed is derived: these go steadily. None of the
+    ``others``: angles leap by a turn, and an output is judged by the model."""
+    of_inputs = _sources(operations, [one.column for one in inputs])
+    derived = {s for one in operations if one.op in SPEEDS for s in one.source}
+    return [name for name in of_inputs if name in derived - others]
 
 
 def _used(operations: Sequence[Operation], wanted: Iterable[str | None]) -> tuple[Operation, ...]:

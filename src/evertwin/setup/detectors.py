@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -30,6 +30,9 @@ from evertwin.config.spec import AnomalySpec
 from evertwin.fold import Event, Record
 from evertwin.setup.released import Released
 
+FEW, WORTH, CUT = 300, 100.0, 4.0
+"""Residuals that calibrate at least, however long a prediction is, and what they must be worth; so
+few do not tell how far single ones lie out, which are cut there."""
 QUIET = 1000
 """Rows without a further drift of an output that end an excursion."""
 
@@ -109,12 +112,16 @@ class Detect:
 
     @classmethod
     def of(
-        cls, spec: AnomalySpec, names: tuple[str, ...], watched: np.ndarray, phases: int
-    ) -> Detect:
-        """As the twin file says."""
+        cls, spec: AnomalySpec, names: tuple[str, ...], watched: np.ndarray, phases: int,
+        rows: int = 1,
+    ) -> Detect:  # fmt: skip
+        """As the twin file says. ``rows`` from residual to residual: so many fewer calibrate, as
+        it is of the machine that enough has to be seen."""
         columns = tuple(int(k) for k in np.flatnonzero(watched))
         chosen = tuple(names[k] for k in columns)
         calm = Calm(false_alarms_per_month=spec.false_alarms_per_month)
+        if rows > 1:
+            calm = replace(calm, least=max(calm.least // rows, FEW), independent=WORTH, clip=CUT)
         limit = SnrLimit(chosen, spec.snr or 6.0, phases=phases, orders=calm.orders)
         return cls(
             Cusum(chosen, calm, phases), Drift(chosen, phases=phases, orders=calm.orders), limit,

@@ -207,6 +207,26 @@ def off_after(setup: Setup, problem: Problem, fit: Fit) -> PerOutput:
     return np.array([one.rms_after for one in fit.residuals])
 
 
+LEAST, LITTLE = 0.05, 0.1
+"""Smallest size of an output's loss, by that of the version before: few rows leave too little; and
+the weight in a loss of an output that nothing is explained of, 1: of one that is explained."""
+
+
+def scale_of(before: PerOutput, after: PerOutput) -> PerOutput:
+    """What counts as 1 in the losses of a trial; what was not off counts little: it would hide how
+    much another output gains.
+
+    Args:
+        before: rms residual of the live version per output, (ny,).
+        after: of the candidate.
+
+    >>> scale_of(np.array([2.0, 1.0]), np.array([0.5, 1.0])).round(2).tolist()
+    [0.52, 3.16]
+    """
+    after = np.clip(after, LEAST * before, before)
+    return np.asarray(after / np.sqrt(np.maximum(1.0 - (after / before) ** 2, LITTLE)))
+
+
 def sizes(setup: Setup, problem: Problem, values: Vector) -> PerOutput:
     """Rms residual per output: what counts as 1 in a loss, unless the twin file says."""
     given = setup.spec.prediction.scale

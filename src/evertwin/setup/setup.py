@@ -99,11 +99,8 @@ class Setup:
     def times(self) -> bool:
         """Is any window, beat or hold-off a time?"""
         spec = self.spec
-        spans = (
-            spec.beat, spec.anomaly.window, spec.tuning.window, spec.correction.window,
-            spec.trial.holdoff,
-        )  # fmt: skip
-        return any(span.rows is None for span in spans)
+        spans = (spec.beat, spec.anomaly.window, spec.tuning.window, spec.correction.window)
+        return any(span.rows is None for span in (*spans, spec.trial.holdoff))
 
     def track(self, model: Model) -> Track:
         """The stage that follows the machine with a version."""
@@ -359,7 +356,9 @@ class Setup:
     def detect(self) -> Detect:
         """The detectors over released rows."""
         phases = self.steps.parts * (1 if self.regimes is None else self.regimes[1].count)
-        return Detect.of(self.spec.anomaly, self.model.outputs.names, self.watched, phases)
+        rate = self.at_horizon.wanted and (self.spec.clock.rate or self.measured_rate)
+        rows = max(round(self.horizon * rate), 1) if rate else 1
+        return Detect.of(self.spec.anomaly, self.model.outputs.names, self.watched, phases, rows)
 
     @property
     def known_rate(self) -> float | None:

@@ -15,7 +15,7 @@ class Task(NamedTuple):
 
     >>> Task._fields
     ('kind', 'version', 'windows', 'tunings', 'held', 'waits', 'rival', 'commissioned',
-    'cause', 'earlier', 'replaced', 'doubt')
+    'cause', 'earlier', 'replaced', 'doubt', 'former')
     """
 
     kind: str
@@ -42,3 +42,5 @@ class Task(NamedTuple):
     """The one before the version, by rows that neither had seen."""
     doubt: tuple[str, float] = ("", 1.0)
     """Channel in doubt, and recorded over what it was said to be; empty: none."""
+    former: tuple[Version, ...] = ()
+    """The newest that were live before the version: a repair may bring one of them back."""

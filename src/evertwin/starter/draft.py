@@ -158,9 +158,12 @@ class Draft:
 
     @property
     def duration(self) -> float:
-        """Of the longest table [s]; infinite where no stamp says it."""
-        times = [one.table.time for one in self.seen]
-        return max((time.duration for time in times if time is not None), default=math.inf)
+        """Of the longest table [s]; infinite where neither stamps nor a rate say it."""
+        period = self.period or math.inf
+        return max(
+            one.table.rows * period if one.table.time is None else one.table.time.duration
+            for one in self.seen
+        )
 
     @property
     def gap(self) -> float | None:

@@ -48,7 +48,7 @@ def forget(rules: Any, memory: Any, rows: Any, notes: Any, g: int, now: Any) -> 
     """The state starts anew: what is open is closed, and the next sample is adopted as it is."""
     end_contest(rules, memory, rows, notes, g, now)
     end_fault(memory, notes, g, now)
-    memory[1][g, at.STARTED] = 0
+    memory[1][g, at.STARTED] = memory[1][g, at.FREE] = 0
     for kind in range(2):
         memory[1][g, at.RUN + kind] = memory[1][g, at.STOOD + kind] = 0
 
@@ -210,6 +210,7 @@ def accuse(
 ) -> None:  # fmt: skip
     """An obvious error; a frozen sensor was so since its run began."""
     numbers, onset = memory[1], now[0]
+    numbers[g, at.FREE] = 0
     if cause == FROZEN:
         onset = numbers[g, at.RUN_ROW + numbers[g, at.HELD_BY]]
         if numbers[g, at.CAUSE] != FROZEN:

@@ -7,9 +7,11 @@ a machine and reading its recording give the same rows.
 
 A gap ends a stretch: no operation looks across it. At both ends a derivative is one-sided and a
 filter goes on with the point reflection of the stretch; outputs there are absent, so that what a
-filter makes of an end is compared with nothing.
+filter makes of an end is compared with nothing. What a speed is derived from goes ``steady``: a few
+rows that leave it and are back are taken from their neighbours.
 
 >>> from evertwin.sync.align import Rows
+from evertwin.sync.steady_loop import LONGEST
 >>> t = np.arange(5) * 10**9
 >>> one = np.ones(5)
 >>> rows = Rows(np.arange(5), t, one, np.zeros((5, 0)), np.arange(5.0)[:, None] ** 2,
@@ -31,9 +33,11 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from evertwin.errors import ConfigError
+from evertwin.fold import Event
 from evertwin.signals.fir import Symmetric, slopes
 from evertwin.sync import derive_loop as loop
 from evertwin.sync.align import Rows
+from evertwin.sync.steady_loop import LONGEST
 from evertwin.types import Vector
 
 CODES = {
@@ -41,13 +45,28 @@ CODES = {
     "middle": loop.MIDDLE, "along": loop.ALONG, "way": loop.WAY, "path": loop.PATH, "sum": loop.SUM,
     "mean": loop.MEAN, "difference": loop.DIFFERENCE, "product": loop.PRODUCT,
     "scale": loop.SCALE, "norm": loop.NORM, "max": loop.MAX, "unwrap": loop.UNWRAP,
+    "steady": loop.STEADY,
 }  # fmt: skip
 """The operations, by name."""
 SOURCES = {"along": 3, "way": 3, "path": 3, "difference": 2}
 """Channels that an operation needs, where it is not any number; one where it takes one row each."""
-ONE = ("filter", "derivative", "slope", "middle", "scale", "unwrap")
+ONE = ("filter", "derivative", "slope", "middle", "scale", "unwrap", "steady")
 HOW = {"held": loop.HELD_INPUT, "line": loop.LINE_INPUT, "step": loop.STEP_INPUT}
 FOREVER = 2**62
+SAYS = {
+    loop.BEGINS: (
+        "measurement_error",
+        "leaves where it was far faster than it ever went, and comes back as fast: taken from "
+        "the rows around",
+    ),
+    loop.ENDS: ("measurement_restored", "back between the rows around"),
+    loop.LEAPS: (
+        "leapt",
+        "went far faster than ever from one row to the next, and goes on from there: its zero "
+        "moved, which is taken away",
+    ),
+}
+"""Kind and reason of an event."""
 
 
 @dataclass(frozen=True)
@@ -143,8 +162,8 @@ class Derive:
 
     def _weights(self, one: Operation) -> tuple[int, Vector]:
         """Rows that the operation looks ahead, and its weights."""
-        if one.op == "derivative":
-            return 1, np.zeros(0)
+        if one.op in ("derivative", "steady"):
+            return 1 if one.op == "derivative" else LONGEST, np.zeros(0)
         if one.op == "filter":
             assert one.low_pass is not None
             return one.low_pass.delay, one.low_pass.half
@@ -221,11 +240,14 @@ class Derive:
         )  # fmt: skip
         return DeriveState(counters, ring, memory)
 
-    def step(self, state: DeriveState, rows: Rows) -> tuple[DeriveState, Rows | None]:
-        """Aligned rows in, the model's rows out ``delay`` later. Consumes ``state``."""
+    def step(
+        self, state: DeriveState, rows: Rows
+    ) -> tuple[DeriveState, Rows | None, tuple[Event, ...]]:
+        """Aligned rows in, the model's rows out ``delay`` later, and what of them was wrong.
+        Consumes ``state``."""
         return self._advance(state, rows, ends=False)
 
-    def flush(self, state: DeriveState) -> tuple[DeriveState, Rows | None]:
+    def flush(self, state: DeriveState) -> tuple[DeriveState, Rows | None, tuple[Event, ...]]:
         """The rows that wait leave, since the data ends here."""
         raw = len(self.columns)
         none = Rows(
@@ -237,7 +259,7 @@ class Derive:
 
     def _advance(
         self, state: DeriveState, rows: Rows, *, ends: bool
-    ) -> tuple[DeriveState, Rows | None]:
+    ) -> tuple[DeriveState, Rows | None, tuple[Event, ...]]:
         v = np.concatenate([rows.u, rows.y], axis=1)
         lines = loop.Lines(rows.t, rows.dt, v, rows.mark)
         room = self._room(len(rows.t) + len(state.ring.t))
@@ -245,12 +267,22 @@ class Derive:
             self.program, state.ring, state.memory, state.counters, lines, rows.task, rows.gap,
             room, ends,
         )  # fmt: skip
-        return state, Rows(*(column[:left] for column in room)) if left else None
+        if not left:
+            return state, None, ()
+        return state, Rows(*(column[:left] for column in room[:-1])), self._told(room, left)
+
+    def _told(self, room: loop.Room, left: int) -> tuple[Event, ...]:
+        """Of what goes steadily: where it was wrong, and right again."""
+        return tuple(
+            Event(int(room.number[row]), int(room.t[row]), kind, self.operations[k].name, reason)
+            for row, k in np.argwhere(room.wrong[:left]).tolist()
+            for kind, reason in (SAYS[int(room.wrong[row, k])],)
+        )  # fmt: skip
 
     def _room(self, n: int) -> loop.Room:
         nu, ny = len(self.inputs), len(self.outputs)
         return loop.Room(
             np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n), np.empty((n, nu)),
             np.empty((n, ny)), np.empty((n, nu + ny), np.uint8), np.empty(n, np.int64),
-            np.empty(n, np.bool_),
+            np.empty(n, np.bool_), np.zeros((n, len(self.operations)), np.uint8),
         )  # fmt: skip

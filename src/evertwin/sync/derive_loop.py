@@ -13,6 +13,7 @@ import numpy as np
 
 from evertwin.compiled.functions import njit
 from evertwin.sync.horizon_loop import wrapped
+from evertwin.sync.steady_loop import LEAPT, steadily
 from evertwin.types import (
     Bools,
     Float64,
@@ -28,7 +29,7 @@ from evertwin.types import (
 )
 
 FILTER, DERIVATIVE, SLOPE, MIDDLE, ALONG, WAY, SUM, MEAN, DIFFERENCE = range(9)
-PRODUCT, SCALE, NORM, MAX, PATH, UNWRAP = range(9, 15)
+PRODUCT, SCALE, NORM, MAX, PATH, UNWRAP, STEADY = range(9, 16)
 ROW, TASK, ORIGIN, COUNT, LEFT, BASE, LAST, BEGUN = range(8)
 """Counters: next row's number, task, stamp of its first row, rows of the stretch, rows of it that
 have left, rows before it, stamp of the last row that left, has one of this task left?"""
@@ -36,6 +37,8 @@ HELD_INPUT, LINE_INPUT, STEP_INPUT, OUTPUT = range(4)
 """How a column becomes a channel of the model: as it is and held already, measured at the row, the
 newest before the interval, an output."""
 OK, ABSENT, HELD, UNSEEN, ERROR = 0, 1, 2, 3, 6
+BEGINS, ENDS, LEAPS = 1, 2, 3
+"""The first row that was wrong; the first that is right again; one up to which it leapt."""
 
 Counters = Int64[np.ndarray, " counters"]
 
@@ -89,7 +92,8 @@ class Memory(NamedTuple):
     """Rows of the stretch that each column is known at."""
     sums: Float64[np.ndarray, "ops six"]
     """Of a way: is a pose known?, x, y, heading, way so far, way along the heading. Of an angle
-    without wraps: is it known?, the newest."""
+    without wraps: is it known?, the newest. Of what goes steadily: rows at which it moved, its
+    highest speed, rows that are wrong still, what it has leapt by."""
     newest: Float64[np.ndarray, " channels"]
     """Newest known value of each channel."""
 
@@ -109,6 +113,8 @@ class Room(NamedTuple):
     mark: Marks
     task: Tasks
     gap: Bools
+    wrong: UInt8[np.ndarray, "n ops"]
+    """`BEGINS`, `ENDS` or `LEAPS`, of what goes steadily."""
 
 
 @njit(cache=True, error_model="numpy")
@@ -251,14 +257,16 @@ def compute(program: Program, ring: Lines, memory: Memory, base: int, n: int, cl
             need = max(j + h, 2 * h) if code == SLOPE else j + h
             if need >= there and not closed:
                 break
-            at = (base + j) % depth
-            if code == DERIVATIVE:
-                value = difference(ring, base, sources[0], j, n if closed else there)
+            at, level = (base + j) % depth, OK
+            count = n if closed else there
+            if code == STEADY:
+                value, level = steadily(ring, base, sources[0], raw + k, j, count, memory.sums[k])
+            elif code == DERIVATIVE:
+                value = difference(ring, base, sources[0], j, count)
             elif code == SLOPE:
-                count = n if closed else there
                 value = slope(ring, base, sources[0], j, count, weights, h)
             elif code == FILTER:
-                value = filtered(ring, base, sources[0], j, n if closed else there, weights, h)
+                value = filtered(ring, base, sources[0], j, count, weights, h)
             elif code == MIDDLE:
                 before = ring.v[(base + max(j - 1, 0)) % depth, sources[0]]
                 value = 0.5 * (before + ring.v[at, sources[0]])
@@ -268,17 +276,16 @@ def compute(program: Program, ring: Lines, memory: Memory, base: int, n: int, cl
                 value = unwrapped(ring.v[at, sources[0]], memory.sums[k])
             else:
                 value = pointwise(ring, at, code, sources, program.value[k])
-            level = OK
             for c in sources:
                 if c >= 0:
-                    level = max(level, ring.mark[at, c])
+                    level = max(level, min(ring.mark[at, c], ERROR))
             if code == FILTER and level == UNSEEN:
                 level = HELD  # it was measured around the hole
             elif code in (DERIVATIVE, SLOPE):
                 first = max(j - h, 0) if code == DERIVATIVE else min(max(j - h, 0), n - 2 * h - 1)
                 last = min(j + h, n - 1) if code == DERIVATIVE else first + 2 * h
                 for i in range(max(first, 0), last + 1):
-                    if ring.mark[(base + i) % depth, sources[0]] == UNSEEN:
+                    if ring.mark[(base + i) % depth, sources[0]] >= UNSEEN:
                         level = max(level, UNSEEN)
             ring.v[at, raw + k] = value
             if value == value:
@@ -314,7 +321,16 @@ def emit(program: Program, ring: Lines, memory: Memory, counters: Counters, room
         if value != value and memory.newest[k] == memory.newest[k]:
             value, level = memory.newest[k], max(level, HELD)
         memory.newest[k] = value
-        room.u[at, k], room.mark[at, k] = value, level
+        room.u[at, k], room.mark[at, k] = value, min(level, ERROR)
+    for k in range(program.code.shape[0]):
+        room.wrong[at, k] = 0
+        if program.code[k] == STEADY:
+            now = ring.mark[place, raw + k]
+            was = before >= 0 and ring.mark[before, raw + k] == ERROR
+            if now == LEAPT:
+                room.wrong[at, k] = LEAPS
+            elif was != (now == ERROR):
+                room.wrong[at, k] = ENDS if was else BEGINS
     stamp = ring.t[place]
     room.number[at], room.t[at], room.task[at] = counters[ROW], stamp, counters[TASK]
     if counters[BEGUN] == 0:
@@ -369,7 +385,10 @@ def advance(
             at = close(program, ring, memory, counters, room, at)
         if task[i] != counters[TASK]:
             counters[TASK], counters[ORIGIN], counters[BEGUN] = task[i], lines.t[i], 0
-            memory.sums[:], memory.newest[:] = 0.0, np.nan
+            memory.newest[:] = np.nan
+            for k in range(program.code.shape[0]):
+                if program.code[k] != STEADY:  # how fast it goes, it does in any task
+                    memory.sums[k] = 0.0
         place = (counters[BASE] + counters[COUNT]) % depth
         ring.t[place], ring.dt[place] = lines.t[i], lines.dt[i]
         for c in range(raw):

@@ -42,15 +42,20 @@ and expected, mean square of what was expected."""
 STEP, CHANGED = 30, 31
 """Memory per output: the smallest change from sample to sample, by which a coarse sensor counts,
 and how many changes were about as small."""
-SOUND = 32
-"""And per kind of run: how far the prediction went while values stayed that went on by one step."""
-STAYED = 34
-"""And for how many samples they did, where it went by a step or more."""
+FARTHEST, SOUND = 32, 34
+"""And per kind of run: how far the prediction went while values stayed that went on, at most, and
+at most but for once."""
 LEAN, LEANS = 36, 37
 """And the newest mean innovation; its largest size lately: how fast a model moves beside."""
 LEANT = 38
 """And per kind of run: the same where it began."""
-VALUES = 40
+RUNS = 40
+"""And per kind of run: how many of them."""
+WENT = 42
+"""And per kind of run: farthest way that was predicted at a sample of it."""
+FREE_AFTER = 44
+"""And output after the row of the state that runs free, where its group has one."""
+VALUES = 45
 (
     STARTED, VALID, GOOD_AT, LAST_AT, CAUSE, ONSET, UNTIL, FAULTS, TOLD, CONTEST, BATCH, BATCH_ROW,
     LEFT, SAMPLES, UPDATES, RESETS, CONTESTED, ERRORS, TURNS, HELD_BY, QUIET,
@@ -67,7 +72,9 @@ HEARD, PAUSE, WIDENED = 33, 34, 35
 """And per group: stamp of the last row with a sample, whatever it is worth, or at which the state
 started anew; the longest of its newest pauses [ns], slowly forgotten; trusted samples before the
 variance was widened."""
-NUMBERS = 36
+FREE = 36
+"""And per group: kind of run + 1 for which a state runs free, 0: none."""
+NUMBERS = 37
 SPREAD, INTERVAL, OUTSIDE, FACTOR, SOUND_BY, LOUDEST = range(6)
 """Memory per group, numbers: variance of the state over that of the measurement; mean interval of
 trusted samples [ns]; share of contested samples; suspected factor; how much likelier it is that it

@@ -33,10 +33,11 @@ USUAL = 9.0
 wrong, as where friction turns round, they would say much more."""
 ALIKE = 1.5
 """Times the smallest change that another is larger by, if it is about as small."""
-FORGET = 1.0 / 64
-"""Part of the way of a sound run that each later run forgets."""
-KEEPS, LONGER = 1.0 / 1024, 1.5
-"""The same of its samples; so many times as many are no sound run any more."""
+FORGET, MOST = 1.0 / 1024, 2.0
+"""Part of the way of a sound run that each later one forgets; times the limit that one tells at
+most."""
+GUESS = 4.0
+"""Smallest changes that a sensor may stay for where it was never seen to."""
 LEANS = 1.0
 """So many times as far as a model moves beside its machine anyway is no motion by itself."""
 MOVED, MANY = 0.25, 200
@@ -59,13 +60,14 @@ def near_square(values: Any, numbers: Any, g: int, j: int) -> float:
 
 @njit(**HOT)
 def learn_noise(values: Any, numbers: Any, room: Any, g: int, size: int) -> None:
-    """One more trusted innovation, for the noise of the sensor; not of one that may be frozen."""
+    """One more trusted innovation, for the noise of the sensor; not of one that may be frozen, nor
+    while nothing says which is an outlier."""
     share = 1.0 / min(max(numbers[g, at.SAMPLES], 1), MEMORY)
     alone = numbers[g, at.RUN + NEAR] < 2
     for k in range(size):
         j = room[k]
         nu, before = values[j, at.NU], values[j, at.NU_BEFORE]
-        if alone and before == before:
+        if alone and before == before and values[j, at.BASE] < np.inf:
             most = USUAL * max(values[j, at.NOISE], values[j, at.BASE])
             spoken = min(max(-nu * before, -most), most)
             values[j, at.NOISE] += (spoken - values[j, at.NOISE]) * share
@@ -150,19 +152,25 @@ def step_of(values: Any, j: int) -> float:
 
 
 @njit(**HOT)
-def learn_sound(limits: Any, values: Any, sample: Any, size: int, kind: int, samples: int) -> None:
-    """A run ends: by one step of a coarse sensor, it was sound. A frozen one goes on elsewhere."""
-    room, y = sample[0], sample[1]
-    for k in range(size):
+def learn_sound(
+    rules: Any, values: Any, numbers: Any, sample: Any, g: int, size: int, kind: int
+) -> None:
+    """A run ends, so its sensor responds: how far the prediction goes while a sound one stays.
+
+    Once may have been a fault, which counts as little beyond what was usual; the second counts.
+    """
+    room = sample[0]
+    for k in range(size if numbers[g, at.RUN + kind] > 1 else 0):
         j = room[k]
-        angle, gone = limits[j, at.ANGLE] > 0, abs(values[j, at.GONE + kind])
-        away = abs(wrapped(y[j] - values[j, at.HELD + kind], angle))
+        went = values[j, at.WENT + kind]
+        went = min(went, MOST * enough(rules, values, numbers, g, j, kind))
+        values[j, at.RUNS + kind] += 1.0
+        values[j, at.FARTHEST + kind] *= 1.0 - FORGET
         values[j, at.SOUND + kind] *= 1.0 - FORGET
-        values[j, at.STAYED + kind] *= 1.0 - KEEPS
-        if away < ALIKE * values[j, at.STEP]:
-            values[j, at.SOUND + kind] = max(gone, values[j, at.SOUND + kind])
-            if gone >= values[j, at.STEP]:
-                values[j, at.STAYED + kind] = max(samples, values[j, at.STAYED + kind])
+        values[j, at.SOUND + kind] = max(
+            values[j, at.SOUND + kind], min(went, values[j, at.FARTHEST + kind])
+        )
+        values[j, at.FARTHEST + kind] = max(values[j, at.FARTHEST + kind], went)
 
 
 @njit(**HOT)
@@ -178,13 +186,17 @@ def follow(
     room, y, again = sample[0], sample[1], True
     for k in range(size):
         again = again and y[room[k]] == values[room[k], at.LAST]
-    learn_step(limits, values, sample, size)
+    if numbers[g, at.SAMPLES] > 0:
+        learn_step(limits, values, sample, size)
     for kind in range(2):
         place = place_in_run(limits, values, numbers, sample, g, size, kind)
         if place > 0:
             numbers[g, at.RUN + kind] += 1
             numbers[g, at.AWAY + kind] = 0
             numbers[g, at.TURNS] += place - 1
+            for k in range(size):
+                went = abs(values[room[k], at.GONE + kind])
+                values[room[k], at.WENT + kind] = max(values[room[k], at.WENT + kind], went)
             continue
         if numbers[g, at.AWAY + kind] == 0:
             long = 0 < needed(rules, g, kind) <= numbers[g, at.RUN + kind]
@@ -194,9 +206,10 @@ def follow(
         if outside and lasting and numbers[g, at.AWAY + kind] + 1 < rules[g, at.FROZEN]:
             numbers[g, at.AWAY + kind] += 1
             continue
-        learn_sound(limits, values, sample, size, kind, numbers[g, at.RUN + kind])
+        learn_sound(rules, values, numbers, sample, g, size, kind)
         numbers[g, at.STILL + kind] += numbers[g, at.STOOD + kind]
         ended = numbers[g, at.RUN + kind]
+        numbers[g, at.FREE] *= numbers[g, at.FREE] != kind + 1
         numbers[g, at.RUN + kind], numbers[g, at.AWAY + kind] = 1, 0
         numbers[g, at.RUN_ROW + kind], numbers[g, at.RUN_AT + kind] = now[0], now[1]
         if kind == EQUAL:
@@ -206,7 +219,8 @@ def follow(
             j = room[k]
             if kind == EQUAL:
                 values[j, at.OTHER] = values[j, at.HELD]
-            values[j, at.HELD + kind], values[j, at.GONE + kind] = y[j], 0.0
+            values[j, at.HELD + kind] = y[j]
+            values[j, at.GONE + kind] = values[j, at.WENT + kind] = 0.0
 
 
 @njit(**HOT)
@@ -239,7 +253,12 @@ def enough(rules: Any, values: Any, numbers: Any, g: int, j: int, kind: int) -> 
     where that turns round.
     """
     gate = rules[g, at.GATE] * np.sqrt(values[j, at.BASE])
-    gate = max(gate, ALIKE * values[j, at.STEP], 2.0 * values[j, at.SOUND + kind])
+    step = values[j, at.STEP]
+    guess = GUESS * step / np.sqrt(1.0 + 0.5 * values[j, at.RUNS + kind])
+    gate = max(gate, ALIKE * max(step, values[j, at.SOUND + kind]), guess)
+    if not step > 0.0:
+        far = max(rules[g, at.GATE] * gate, ALIKE * abs(values[j, at.HELD + kind]))
+        gate = far if numbers[g, at.RUN + kind] >= MANY else np.inf
     if not values[j, at.EXPECTED] > 0:
         samples = min(numbers[g, at.RUN + kind], 2.0 * needed(rules, g, kind))
         gate = max(gate, LEANS * samples * values[j, at.LEANT + kind])
@@ -277,17 +296,17 @@ def is_frozen(rules: Any, memory: Any, room: Any, g: int, size: int) -> bool:
         if kind == NEAR and predicts_too_much(values, room, size):
             continue
         levels = 2 if kind == EQUAL and numbers[g, at.TURNS] > 0 else 1
-        if kind == EQUAL and numbers[g, at.CONTEST] > 0 and numbers[g, at.QUIET] == 0:
+        never = numbers[g, at.QUIET] == 0 and numbers[g, at.SAMPLES] >= at.KNOWN
+        if kind == EQUAL and numbers[g, at.CONTEST] > 0 and never:
             levels = 0
         for k in range(size):
             j = room[k]
-            # a coarse sensor stays as long while its machine moves
-            usual = numbers[g, at.RUN + kind] < LONGER * values[j, at.STAYED + kind]
             noisy = levels > 0 or near_square(values, numbers, g, j) > 0
             moved = enough(rules, values, numbers, g, j, kind)
-            if noisy and abs(values[j, at.GONE + kind]) >= (levels + usual) * moved:
+            if noisy and abs(values[j, at.GONE + kind]) >= levels * moved:
                 if numbers[g, at.CAUSE] != FROZEN:
-                    numbers[g, at.HELD_BY] = kind
+                    equal = numbers[g, at.RUN + EQUAL] >= numbers[g, at.RUN + kind]
+                    numbers[g, at.HELD_BY] = EQUAL if equal else kind
                 return True
     return False
 

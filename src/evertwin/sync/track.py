@@ -98,6 +98,8 @@ class TrackState(NamedTuple):
     """State as it would be without what was believed last, see `evertwin.sync.beside_loop`."""
     account: Float64[np.ndarray, "ny 12"]
     matter: Int64[np.ndarray, " six"]
+    free: Float64[np.ndarray, "ng nx"]
+    """State that runs free of each group, see `evertwin.sync.free_loop`."""
 
     @property
     def updates(self) -> Int64[np.ndarray, " ng"]:
@@ -228,7 +230,7 @@ class Track:
             np.zeros((vote, ng), dtype=np.int64), np.zeros((vote, ng), dtype=np.int64),
             np.zeros((vote, ny)), np.zeros((nu, 5)), np.zeros((nu, 6), dtype=np.int64),
             np.zeros(2, dtype=np.int64), x0.copy(), np.zeros((ny, 12)),
-            np.zeros(6, dtype=np.int64),
+            np.zeros(6, dtype=np.int64), np.zeros((ng, len(x0))),
         )  # fmt: skip
 
     def renew(self, state: TrackState, p: ParameterVector) -> TrackState:
@@ -248,7 +250,9 @@ class Track:
         for k, name in enumerate(self.model.states.names):
             if name in old:
                 x[k] = state.x[old.index(name)]
-        return state._replace(x=x, p=fresh.p, x0=fresh.x0, beside=fresh.beside, matter=fresh.matter)
+        state.numbers[:, at.FREE] = 0
+        anew = {name: getattr(fresh, name) for name in ("p", "x0", "beside", "matter", "free")}
+        return state._replace(x=x, **anew)
 
     @property
     def here(self) -> bool:

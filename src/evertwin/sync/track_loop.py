@@ -17,6 +17,7 @@ from evertwin.fold import Mark
 from evertwin.sync import places as at
 from evertwin.sync.arbiter_loop import RESET, forget, judge
 from evertwin.sync.beside_loop import CREPT, JUMPED, STARTED, begin, is_doubtful, outcome, turn_back
+from evertwin.sync.free_loop import begins_free, moves_free, starts_free
 from evertwin.sync.horizon_loop import NEVER, is_known, wrapped
 from evertwin.sync.input_loop import (
     REACH,
@@ -64,17 +65,20 @@ def is_row_known(u: Any, i: int) -> bool:
 
 
 @njit(**HOT)
-def proceed(limits: Any, values: Any, predicted: Any, u: Any, i: int) -> None:
+def proceed(limits: Any, values: Any, predicted: Any, u: Any, i: int, moves: Any) -> None:
     """Adds the predicted motion of this row to path and way. At rest a force is what friction
     holds, so what is predicted of it is no motion that a frozen sensor would miss."""
     for j in range(values.shape[0]):
+        moves[j] = np.nan
         moved = wrapped(predicted[j] - values[j, at.AFTER], limits[j, at.ANGLE] > 0)
         if moved == moved:
             values[j, at.PATH] += abs(moved)
             values[j, at.WAY] += moved
             by = int(limits[j, at.BESIDE])
-            for kind in range(2 if by < 0 or abs(u[i, by]) > limits[j, at.ABOVE] else 0):
-                values[j, at.GONE + kind] += moved
+            if by < 0 or abs(u[i, by]) > limits[j, at.ABOVE]:
+                moves[j] = moved
+                for kind in range(2):
+                    values[j, at.GONE + kind] += moved
 
 
 @njit(**HOT)
@@ -139,7 +143,7 @@ def run(
     numbers: Any, figures: Any,
     variance: Any, counts: Any, warm: Any, ring: Any, paths: Any, times: Any, rows: Any,
     expected: Any, ranges: Any, beliefs: Any, clock: Any, beside: Any, account: Any,
-    matter: Any, out: Any, residual: Any, marks: Any,
+    matter: Any, free: Any, out: Any, residual: Any, marks: Any,
     update: Any, sigma: Any, ages: Any, used: Any, doubts: Any, found: Any, detail: Any,
     extent: Any,
 ) -> int:  # fmt: skip
@@ -157,6 +161,7 @@ def run(
     inputs, borders, doubted = borrowed(used), borrowed(edges), borrowed(doubts)
     known, ranges_of = (borrowed(ranges), borrowed(beliefs)), borrowed(possible)
     other, beyond, expects = np.empty(nu), np.empty_like(x), np.empty(ny)
+    moves = np.empty(ny)
     tried, alike = borrowed(expects), borrowed(other)
     notes = borrowed(found), borrowed(detail), borrowed(extent)
     sample = borrowed(room), borrowed(measured), borrowed(predicted), borrowed(take)
@@ -220,7 +225,21 @@ def run(
             for g in range(ng):
                 forget(settings[1], memory, board[3], notes, g, now)
             matter[at.OWNER] = 0
-        proceed(settings[0], memory[0], sample[2], inputs, i)
+        proceed(settings[0], memory[0], sample[2], inputs, i, moves)
+        for g in range(ng if nx > 0 else 0):
+            if numbers[g, at.FREE] == 0:
+                continue
+            f = free.ctypes.data + 8 * g * nx
+            code = call(
+                step, c, f, u_at + 8 * i * nu, dt[i], parameters, beyond.ctypes.data,
+                expects.ctypes.data,
+            )  # fmt: skip
+            if code != 0 or not is_known(beyond):
+                numbers[g, at.FREE] = 0
+                continue
+            for k in range(nx):
+                free[g, k] = beyond[k]
+            moves_free(settings[0], memory[0], groups, g, tried, moves)
         if matter[at.OWNER] > 0:
             code = call(
                 step, c, beside.ctypes.data, u_at + 8 * i * nu, dt[i], parameters,
@@ -271,6 +290,14 @@ def run(
         for j in range(ny):
             values[j, at.AFTER] = take[j] if take[j] == take[j] else predicted[j]
             taken = taken or take[j] == take[j]
+        for g in range(ng if nx > 0 else 0):
+            if numbers[g, at.FREE] > 0 and taken:
+                for j in range(ny):
+                    expects[j] = take[j]
+                for k in range(members.shape[1]):
+                    if members[g, k] >= 0:
+                        expects[members[g, k]] = np.nan
+                call(observe, c, free.ctypes.data + 8 * g * nx, expects.ctypes.data)
         if taken and nx > 0:
             call(observe, c, a, take_at)
             if matter[at.OWNER] > 0:
@@ -279,6 +306,11 @@ def run(
                     if j >= 0:
                         take[j] = np.nan
                 call(observe, c, beside.ctypes.data, take_at)
+        for g in range(ng if nx > 0 else 0):
+            if numbers[g, at.FREE] == 0 and begins_free(settings[1], memory, groups, g):
+                for k in range(nx):
+                    free[g, k] = x[k]
+                starts_free(memory[0], groups, g)
         for g in range(ng):
             ages[i, g] = age(settings[1], memory, notes, g, now)
             growth = (

@@ -36,6 +36,8 @@ SOME = 1e-6
 """Share of the measurement below which nothing is left."""
 LESS = 0.9
 """Share of the residual that another minimum has to leave at most."""
+NEAR = 1e-3
+"""Relative change that ends a search on some of the rows: it only has to end near a minimum."""
 
 
 def lowest(problem: Problem) -> Problem:
@@ -55,11 +57,11 @@ def lowest(problem: Problem) -> Problem:
 def _grown(problem: Problem) -> Vector:
     """Where searches on ever more of each recording lead: a short motion has one minimum, and what
     is found there begins near that of a longer."""
-    values = problem.start
+    values, rough = problem.start, replace(problem.settings, tolerance=NEAR)
     for part in PARTS:
         some = tuple(take(w, 0, max(math.ceil(part * len(w.t)), FEWEST)) for w in problem.windows)
         prior = problem.parameters.with_values(problem.full(values))
-        values = least_squares(replace(problem, windows=some, prior=prior), problem.settings).values
+        values = least_squares(replace(problem, windows=some, prior=prior), rough).values
     return values
 
 

@@ -1,0 +1,100 @@
+"""What a speed is derived from: rows that cannot be its own are told, and no others."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from evertwin.fold import Event
+from evertwin.fold.state import equal
+from evertwin.sync.align import Rows
+from evertwin.sync.derive import Derive, Operation, Taken
+
+STAGE = Derive(
+    ("q",), (Operation("q", "steady", ("q",)), Operation("qd", "derivative", ("q",))),
+    (Taken("q"), Taken("qd")), (), 100.0,
+)  # fmt: skip
+RATE, N = 100.0, 2000
+
+
+def drawn(seed: int) -> np.ndarray:
+    """Moves of an axis from rest to rest, noisy and in steps of an encoder."""
+    rng = np.random.default_rng(seed)
+    ends = np.concatenate([[0.0], rng.uniform(-1.0, 1.0, 12)])
+    t, q = np.arange(N) / RATE, np.zeros(N)
+    for k in range(12):
+        begin, lasts = 1.6 * k + 0.5, rng.uniform(0.2, 0.9)
+        s = np.clip((t - begin) / lasts, 0.0, 1.0)
+        q += (ends[k + 1] - ends[k]) * (3 * s**2 - 2 * s**3)
+    grain = 10.0 ** rng.uniform(-6, -3)
+    return grain * np.round((q + 10.0 ** rng.uniform(-6, -3.5) * rng.normal(size=N)) / grain)
+
+
+def rows(q: np.ndarray) -> Rows:
+    n = len(q)
+    t = np.arange(n) * 10**7
+    return Rows(
+        np.arange(n), t, np.full(n, 0.01), q[:, None], np.zeros((n, 0)),
+        np.zeros((n, 1), np.uint8), np.zeros(n, np.int64), t == 0,
+    )  # fmt: skip
+
+
+def part(whole: Rows, a: int, b: int) -> Rows:
+    return Rows(*(column[a:b] for column in whole))
+
+
+def folded(q: np.ndarray, *cuts: int) -> tuple[Rows, list[Event]]:
+    state, whole, left, told = STAGE.init(), rows(q), list[Rows](), list[Event]()
+    for a, b in zip((0, *cuts), (*cuts, len(q)), strict=True):
+        state, some, events = STAGE.step(state, part(whole, a, b))
+        left += [some] if some is not None else []
+        told += events
+    state, some, events = STAGE.flush(state)
+    left += [some] if some is not None else []
+    return Rows(*(np.concatenate(c) for c in zip(*left, strict=True))), [*told, *events]
+
+
+def test_of_a_healthy_axis_nothing_is_told() -> None:
+    assert [seed for seed in range(150) if folded(drawn(seed))[1]] == []
+
+
+@pytest.mark.parametrize("width", [1, 2, 3])
+def test_rows_that_leave_it_and_are_back_are_taken_from_their_neighbours(width: int) -> None:
+    for seed in range(60):
+        q, rng = drawn(seed), np.random.default_rng(seed)
+        at, wrong = int(rng.integers(600, N - 10)), q.copy()
+        wrong[at : at + width] += rng.choice([-1.0, 1.0]) * rng.uniform(2.0, 50.0)
+        found, told = folded(wrong)
+        kinds = [(e.kind, e.signal, e.row) for e in told]
+        assert kinds == [
+            ("measurement_error", "q", at), ("measurement_restored", "q", at + width)
+        ]  # fmt: skip
+        fastest = np.abs(np.diff(q)).max()
+        np.testing.assert_allclose(found.u[:, 0], q, atol=(width + 1) * fastest)
+        assert (found.mark[at - 1 : at + width + 1, 1] > 2).all()  # no speed is taken of them
+
+
+def test_what_leaps_and_goes_on_is_told_and_has_no_speed_of_that() -> None:
+    for seed in range(60):
+        q, rng = drawn(seed), np.random.default_rng(seed)
+        at, leapt = int(rng.integers(600, N - 10)), q.copy()
+        leapt[at:] += rng.choice([-1.0, 1.0]) * rng.uniform(2.0, 50.0)
+        found, told = folded(leapt)
+        assert [(e.kind, e.row) for e in told] == [("leapt", at)]
+        assert np.abs(found.u[:, 1]).max() < 3.0 * np.abs(np.diff(q)).max() * RATE
+
+
+def test_it_cannot_matter_where_rows_are_cut(run_as: Callable[[str], None]) -> None:
+    q = drawn(3)
+    q[700:702] += 9.0
+    q[1200:] -= 4.0
+    rng = np.random.default_rng(0)
+    whole = folded(q)
+    for _ in range(20):
+        cuts = np.sort(rng.choice(np.arange(1, N), 30, replace=False)).tolist()
+        left, told = folded(q, *cuts)
+        assert told == whole[1] and equal(left, whole[0])
+    run_as("plain")
+    assert equal(folded(q)[0], whole[0])
