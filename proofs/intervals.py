@@ -40,7 +40,7 @@ def counted(axis: Axis) -> list[Row]:
             found.append(Row(name, True, "not", np.inf))
             continue
         one = told[name]
-        low, high = (np.inf if end is None else end for end in one["interval95"])
+        low, high = (np.inf if end is None else end for end in one["interval95"] or (None, None))
         half = (high - low) / 2 if one["verdict"] != "not" else np.inf
         found.append(Row(name, low <= truth <= high, one["verdict"], half / axis.own[name]))
     return found

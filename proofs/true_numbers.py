@@ -28,7 +28,7 @@ def asked(kind: str, seeds: int) -> dict[str, bool]:
         if name not in told:
             found.append((np.inf, np.inf, np.inf, 0.0))
             continue
-        low, high = told[name]["interval95"]
+        low, high = told[name]["interval95"] or (np.nan, np.nan)
         gain = abs(told["gain"]["value"] / GAIN - 1.0) + abs(told["law.v.gain"]["value"] - 1.0)
         left = max(result.outputs[k].rms_after for k in ("x", "y"))
         found.append((gain, abs(told[name]["value"] / true - 1.0), left, float(low < true < high)))

@@ -36,7 +36,7 @@ from evertwin.store import Store, opened
 
 if TYPE_CHECKING:
     from evertwin.engine import Engine
-    from evertwin.loop import Progress
+    from evertwin.loop import Progress, Samples
     from evertwin.outcome import Comparison, Kpi, RunResult
     from evertwin.prognosis import Lives, Plan, Prospect, Verdict
     from evertwin.refit import FitResult, Watch
@@ -102,6 +102,12 @@ class Twin(loop.ByHand):
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    def __getstate__(self) -> object:
+        raise TypeError("a Twin holds its store: send its twin file to be opened, or a result")
+
+    def __repr__(self) -> str:
+        return f"<Twin {self.spec.name!r}: {type(self.model).__name__}, live {self.champion!r}>"
+
     @property
     def versions(self) -> tuple[Version, ...]:
         """All versions so far; the first is the model as configured."""
@@ -152,7 +158,9 @@ class Twin(loop.ByHand):
         is that of then. Rows are recognised by their content, not by the name of a file.
 
         Args:
-            data: files, columns by name with ``t`` [s], blocks; None: the twin file's recordings.
+            data: files, tables, blocks; None: the twin file's recordings. A table (DataFrame,
+                Arrow, records) with a source's columns is read as its file, in its units; else,
+                and a mapping first, by channel, in the model's units (SI), ``t`` in seconds.
             progress: called now and then with rows and seconds of data.
             every: rows from checkpoint to checkpoint; 0: about one a second.
             again: run all rows as a new run, also those that have been run before.
@@ -181,20 +189,20 @@ class Twin(loop.ByHand):
         return refit.posed(self.setup, self._versions, self.champion.number, self.blocks(train))[0]
 
     @_RUNAWAY
-    def push(self, samples: Chunk | Mapping[str, Any]) -> None:
-        """More samples of one source as they come, stored and folded; the run goes on to `finish`.
+    def push(self, samples: Samples) -> None:
+        """More samples of one source as they come, folded; the run goes on to `finish`.
 
-        With ``[engine] workers`` no sample waits for slow work: answers are taken when they come.
+        They become durable after the return, before what is said of them, or by ``store.flush()``.
 
         Args:
-            samples: of a source of the twin file; or columns by name with ``t`` [s].
+            samples: of a source of the twin file; or a table as in `run`, or one row as numbers.
         """
         self.going(samples).push(samples)
 
-    def going(self, samples: Chunk | Mapping[str, Any] | None = None) -> loop.Live:
+    def going(self, *first: Samples) -> loop.Live:
         """The run of pushed samples: it begins, or goes on where a process before was cut off."""
         if self._live is None:
-            here, engine = (self.setup, self._ledger, samples or {}), self._engines.of(None)
+            here, engine = (self.setup, self._ledger, first), self._engines.of(None)
             self._live = loop.Live.of(*here, engine, self._lasting)
         return self._live
 
@@ -216,19 +224,21 @@ class Twin(loop.ByHand):
         return result
 
     def _pushed(self) -> loop.Live:
-        if self._live is None:
-            raise UsageError("no samples were pushed: give some with Twin.push first")
-        return self._live
+        left = self._ledger.unfinished
+        goes_on = left is not None and left.pushed and self.spec.source and not self._ledger.reading
+        if self._live is None and not goes_on:
+            raise UsageError("no samples were pushed: Twin.push begins a run, or goes on with it")
+        return self.going()
 
     @_RUNAWAY
     def fit(
-        self, train: Data = None, test: Sequence[Any] = (), watch: Watch | None = None,
+        self, train: Data = None, test: Data | Sequence[Any] = (), watch: Watch | None = None,
         workers: int | None = None,
     ) -> FitResult:  # fmt: skip
         """Tunes the champion on ``train`` and judges it on each of ``test``; changes nothing live.
 
         Args:
-            train: recordings to learn from.
+            train: recordings to learn from, as in `run`.
             test: recordings that are not learned from, each judged alone and all together.
             watch: called with evaluations and cost while a search runs; False ends it, as Ctrl-C
                 does, with the best values so far.
@@ -238,7 +248,7 @@ class Twin(loop.ByHand):
             UsageError: workers for a model that was given as an object.
             WorkLost: a process died, or its work took more than it may.
         """
-        data, engine = (train, tuple(test)), self._engines.of(workers)
+        data, engine = (train, test), self._engines.of(workers)
         return refit.fit(self.setup, self._versions, self.champion.number, data, watch, engine)
 
     @_RUNAWAY

@@ -24,7 +24,6 @@ from evertwin.config.spec import (
 from evertwin.engine import EngineSpec, InProcess
 from evertwin.errors import DataError, UsageError
 from evertwin.fold import Answer, Chunk
-from evertwin.rows import chunk_of
 
 SPEC = TwinSpec(
     "cart", ModelSpec("robot1d"), beat=Span(seconds=10.0), prediction=PredictionSpec(horizon=5.0),
@@ -120,7 +119,10 @@ def test_what_is_kept_waits_in_the_store_for_its_fold(
     with Twin(SPEC) as unbroken:
         unbroken.push(drive())
         expected, events = unbroken.finish(), said(unbroken)
-    parts = [chunk_of(piece, "log") for piece in pieces(drive(), [30])]
+    parts = [
+        Chunk("log", np.rint(1e9 * one["t"]).astype(np.int64), np.stack([one["v"], one["x"]], 1))
+        for one in pieces(drive(), [30])
+    ]
     with Twin(spec) as twin:
         kept = [twin.going().keep(part) for part in parts]
         assert [one.number for one in kept] == list(range(1, 31))

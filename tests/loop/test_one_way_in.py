@@ -25,7 +25,7 @@ from evertwin.fold import Block, Chunk, concatenate
 from evertwin.fold.state import copy, equal, load, save
 from evertwin.models import FunctionModel, Parameters
 from evertwin.rows.alignment import Alignment, AlignmentState
-from evertwin.rows.feed import Feed, chunk_of
+from evertwin.rows.feed import Feed
 from evertwin.signals import Layout
 from evertwin.sources.merging import merge
 from evertwin.sync import Feed as Brings
@@ -178,4 +178,4 @@ def test_sources_with_different_numbers_of_tasks_are_refused() -> None:
 def test_columns_by_name_need_a_time_of_their_length(columns: dict[str, list[float]], said: str
                                                      ) -> None:  # fmt: skip
     with pytest.raises(DataError, match=said):
-        chunk_of(columns)
+        list(Feed(PLAIN, MODEL).chunks(columns))

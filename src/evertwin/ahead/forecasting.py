@@ -102,6 +102,10 @@ class Forecast:
     notes: tuple[str, ...] = ()
     """What the values rest on that no recording shows."""
 
+    def __repr__(self) -> str:
+        told = f"{self.horizon:g} s ahead of {', '.join(self.outputs)}"
+        return f"<Forecast of {self.name!r}, version {self.version}: {told}>"
+
     @property
     def horizon(self) -> float:
         """[s]"""

@@ -89,12 +89,20 @@ def files_of(twin: TwinSpec, given: Sequence[str | Path] = ()) -> dict[int, tupl
         if not path.exists():
             raise DataError(f"{path}: no such file")
         if not matches:
-            patterns = ", ".join(repr(source.match) for source in twin.source)
-            raise DataError(f"{path}: belongs to no source of the twin file: they match {patterns}")
+            raise DataError(f"{path}: belongs to no source of the twin: {_sources(twin)}")
         topics = [i for i in matches if _of_topic(twin.source[i])]
         for i in topics if matches[0] in topics else matches[:1]:
             found[i].append(path)
     return {i: tuple(paths) for i, paths in found.items()}
+
+
+def _sources(twin: TwinSpec) -> str:
+    if not twin.source:
+        return (
+            "it has none, so no file says which column is which channel: write [[source]] (source "
+            "= (SourceSpec(…),) of a TwinSpec), or give the columns by name: a DataFrame, a dict"
+        )
+    return f"they match {', '.join(repr(source.match) for source in twin.source)}"
 
 
 def _of_topic(source: SourceSpec) -> bool:

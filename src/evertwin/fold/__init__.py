@@ -28,6 +28,7 @@ if TYPE_CHECKING:
         Record as Record,
         Request as Request,
         canonical as canonical,
+        interval as interval,
         plain as plain,
     )
     from evertwin.fold.state import copy as copy, equal as equal, load as load, save as save

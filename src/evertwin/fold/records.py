@@ -12,7 +12,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
@@ -20,6 +20,17 @@ import numpy as np
 
 from evertwin.errors import DataError
 from evertwin.types import Json
+
+
+def interval(ends: Sequence[float | None] | None) -> tuple[float | None, float | None] | None:
+    """Both ends of an interval; None where neither is known.
+
+    >>> interval((1.0, math.inf)), interval((None, None)), interval((-math.inf, math.inf))
+    ((1.0, inf), None, None)
+    """
+    low, high = ends or (None, None)
+    known = any(end is not None and math.isfinite(end) for end in (low, high))
+    return (low, high) if known else None
 
 
 def plain(value: object) -> Json:

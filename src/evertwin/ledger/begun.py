@@ -25,6 +25,11 @@ class Begun:
     """Position of its end."""
 
     @property
+    def pushed(self) -> bool:
+        """Is it of samples that were pushed?"""
+        return "first_chunk" in self.evidence
+
+    @property
     def over(self) -> bool:
         """Has it ended, or been given up?"""
         return self.ended is not None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from evertwin.errors import UsageError
 from evertwin.fold import Event
 from evertwin.ledger.label import Label
 from evertwin.ledger.ledger import Ledger
@@ -51,11 +52,17 @@ class ByHand:
 
     def label(self, said: Label) -> Event:
         """Keeps what a person says to an event of the log; what acts is heeded at the next beat of
-        a run at work, else by the next run (``heeded`` tells what it changed).
+        a run at work, else by the next run (``heeded`` tells what it changed):
+        ``twin.label(Label(7, "faulty", "sensor unplugged"))``, of `evertwin.ledger`.
 
         Raises:
             UsageError: there is no such event or cause, or nothing of the cause may be tuned.
         """
+        if not isinstance(said, Label):
+            raise UsageError(
+                "label: expected evertwin.ledger.Label(number of the event, verdict, reason), got "
+                f"{type(said).__name__}"
+            )
         if said.cause:
             tunable(self.setup, said.cause)
         return self._ledger.label(said)

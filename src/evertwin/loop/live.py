@@ -1,8 +1,10 @@
 """A run whose samples are pushed as they come.
 
 They take the way of recorded ones: stored (`Live.keep`), aligned and folded (`Live.fold`), each
-decision one transaction. So a sample is durable before any fold of it, and who answers for samples
-lets one thread keep while another folds. After a crash the run goes on from its newest checkpoint:
+decision one transaction. What is stored becomes durable in its order, with all that waits then
+(group commit): a sample no later than what is said of it, yet after `Live.push` has returned. Who
+answers for samples flushes the store between `Live.keep` and its answer, and lets one thread keep
+while another folds. After a crash the run goes on from its newest checkpoint:
 the samples that the store has from there on are folded again, with the answers that the log has, so
 that the twin stands where it stood. The same samples from a file give the same rows, records and
 versions.
@@ -10,7 +12,7 @@ versions.
 Samples that come faster than they could be folded one by one are folded together: what comes within
 `TOGETHER` of the last fold waits for the next sample after it, for the row of a beat, or for
 somebody who looks (`Live.settle`). So decisions are never late, and where rows are cut changes no
-bit. A store that outlives the process has each sample at once. Arrays (scans, images) are stored
+bit. A store that outlives the process takes each sample at once. Arrays (scans, images) are stored
 and make no rows.
 """
 
@@ -20,7 +22,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -39,16 +41,20 @@ from evertwin.outcome.open_trial import OpenTrial, open_trial
 from evertwin.outcome.result import OutputFigures, RunResult
 from evertwin.outcome.view import View
 from evertwin.rows.alignment import Alignment, AlignmentState
-from evertwin.rows.channels import by_name
 from evertwin.rows.feed import Feed as Recorded
-from evertwin.rows.feed import chunk_of
+from evertwin.rows.given import samples as samples_of
+from evertwin.rows.given import tabled
 from evertwin.rows.rate import ENOUGH, rate_of
-from evertwin.rows.samples import Numbered, Samples
+from evertwin.rows.samples import Numbered
+from evertwin.rows.samples import Samples as Kept
 from evertwin.setup.setup import Setup
 from evertwin.setup.twin_state import Saved, TwinState
+from evertwin.sources.in_memory import Frame
 from evertwin.store import Checkpoint
 from evertwin.sync import Feed
 
+Samples: TypeAlias = "Chunk | Mapping[str, Any] | Frame"
+"""Of one source: as they came, or a table of them."""
 SOURCES = "sources"
 TOGETHER = 0.01
 """Seconds after a fold in which samples wait for each other."""
@@ -111,7 +117,7 @@ class Live:
         self._observer = Observer(self.setup)
         self._alignment = Alignment.of(self.setup.spec, self.setup.model, self.feeds)
         self._aligned = self._alignment.init()
-        self._samples = Samples(self.ledger.store, self.setup.spec)
+        self._samples = Kept(self.ledger.store, self.setup.spec)
         if self.lasting:
             self._go_on()
 
@@ -145,18 +151,20 @@ class Live:
 
     @classmethod
     def of(
-        cls, setup: Setup, ledger: Ledger, samples: Chunk | Mapping[str, Any], engine: Engine,
-        lasting: bool,
+        cls, setup: Setup, ledger: Ledger, first: Sequence[Any], engine: Engine, lasting: bool
     ) -> Live:  # fmt: skip
-        """The run of a machine's sources; of the first ``samples`` where the twin file has none."""
-        named = () if isinstance(samples, Chunk) else tuple(n for n in samples if n != "t")
-        return cls(setup, ledger, Recorded(setup.spec, setup.model).live(named), engine, lasting)
+        """The run of a machine's sources; of the ``first`` samples where the twin file has none."""
+        feed = Recorded(setup.spec, setup.model)
+        tables = [one for one in first if not isinstance(one, Chunk)]
+        named = [n for one in tables for n in tabled(setup.spec, setup.model, one).source.channels]
+        return cls(setup, ledger, feed.live(named), engine, lasting)
 
-    def push(self, samples: Chunk | Mapping[str, Any]) -> None:
-        """More samples of one source, in the order in which they came; or columns by name.
+    def push(self, samples: Any) -> None:
+        """More samples of one source (`Samples`), in the order in which they came.
 
         Raises:
             DataError: the source is unknown, or has another number of columns.
+            UsageError: they are no samples.
             StoreError: they could not be stored; then nothing was folded.
         """
         self.fold(self.keep(samples if isinstance(samples, Chunk) else self._chunk(samples)))
@@ -209,21 +217,17 @@ class Live:
         feed = FeedState(self._rate, task, self._aligned)
         self._run.save(self._state, feed, due=due, chunks=self._number)
 
-    def _chunk(self, columns: Mapping[str, Any]) -> Chunk:
+    def _chunk(self, columns: object) -> Chunk:
         """Columns by name as samples of the one source.
 
         Raises:
             DataError: there are several sources, or a column lacks.
+            UsageError: they are no columns by name.
         """
         if len(self.feeds) != 1:
             names = ", ".join(feed.name for feed in self.feeds)
             raise DataError(f"columns by name: expected one source, there are {names}: push chunks")
-        feed = self.feeds[0]
-        lacking = [name for name in ("t", *feed.channels) if name not in columns]
-        if lacking:
-            raise DataError(f"columns: expected {', '.join(lacking)} too, got {', '.join(columns)}")
-        told = {name: columns[name] for name in ("t", *feed.channels)}
-        return chunk_of(by_name(self.setup.spec, self.setup.model, told), feed.name)
+        return samples_of(self.setup.spec, self.setup.model, columns, self.feeds[0])
 
     def _align(self, chunk: Chunk) -> None:
         self._aligned, block, events = self._alignment.step(self._aligned, chunk)

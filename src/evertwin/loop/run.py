@@ -130,7 +130,9 @@ class Run:
         try:
             state, found = self._begun(place.run, {"settings": settings})
         except UsageError as error:
-            if rate is None and feed.files:  # there is no rate because there are no rows
+            if rate is None and (
+                feed.files or feed.left_out
+            ):  # there is no rate because there are no rows
                 raise DataError(feed.why(f"{ALONE}: {error}")) from error
             raise
         over = place.run is not None and place.run.over and found is not None

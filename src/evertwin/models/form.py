@@ -89,6 +89,11 @@ class Version:
     row: int = 0
     """Row at which it became known."""
 
+    def __repr__(self) -> str:
+        told = (f"{name}={value:.6g}" for name, value in zip(self.names, self.values, strict=True))
+        terms = (f"{term.kind} on {term.channel}" for term in self.form.terms)
+        return f"<Version {self.number}: {', '.join([*told, *terms])} ({self.reason})>"
+
     @cached_property
     def hash(self) -> str:
         """SHA-256 of form, names and values: equal content, equal hash."""

@@ -32,6 +32,11 @@ class Comparison:
     predictions: tuple[Sequence[Prediction], Sequence[Prediction]] = field(repr=False)
     """Of each version, window by window; not part of the plain content."""
 
+    def __repr__(self) -> str:
+        a, b = (version.number for version in self.versions)
+        share = f"{b} is better at {100 * self.better:.0f} % of {self.rows} rows"
+        return f"<Comparison of versions {a} and {b}: {share}>"
+
     def to_dict(self) -> dict[str, Json]:
         """Plain content, ``schema: "evertwin.compare/1"``."""
         return plain(  # type: ignore[return-value]

@@ -128,12 +128,15 @@ def failed_first(told: str, failed: Failed | None) -> str:
 
 
 def first_of_rows(told: str, left_out: Sequence[Tally]) -> str:
-    """``told``, after what became of most rows of a source, where most were left out."""
+    """``told``, after what became of most rows of a source, where most were left out, or after
+    what may be wrong with all of them."""
     for tally in left_out:
+        why, who = "; ".join(tally.suspicions or tally.lines()[:1]), tally.source or "the data"
         if tally.share > LOST:
             rows = f"{tally.left_out} of {tally.left_out + tally.used} rows"
-            why = "; ".join(tally.suspicions or tally.lines()[:1])
-            return f"{rows} of {tally.source or 'the data'} were left out: {why}. {told}"
+            return f"{rows} of {who} were left out: {why}. {told}"
+        if tally.doubt:
+            return f"Look at {who} first: {tally.doubt}. {told}"
     return told
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import math
+import warnings
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -13,11 +14,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from evertwin.errors import MissingExtra
-from evertwin.fold import Event, Mark, plain
+from evertwin.fold import Event, Mark, interval, plain
 from evertwin.models import Model, Parameters
 from evertwin.models.failures import Failed
 from evertwin.models.form import Form, Version
 from evertwin.outcome.open_trial import OpenTrial, shorter
+from evertwin.outcome.shell import Shell
 from evertwin.outcome.spells import Spell
 from evertwin.outcome.summed_up import Several, summed_up
 from evertwin.signals.spoken import MANY, percent, share, suited
@@ -139,6 +141,11 @@ class RunResult:
     """Rows that the model could not compute, its step having raised something; they count
     nowhere."""
 
+    def __getstate__(self) -> dict[str, Any]:
+        """What travels to another process: all but the models, of which channels and numbers do."""
+        models = {form: Shell.of(model) for form, model in self.models.items()}
+        return {**self.__dict__, "model": Shell.of(self.model), "models": models}
+
     @property
     def problems(self) -> Mapping[str, int]:
         """What was wrong with the recordings, counted over all sources."""
@@ -181,7 +188,7 @@ class RunResult:
         return {
             "value": item.value,
             "unit": item.unit,
-            "interval95": known.get("interval95") if mine else None,
+            "interval95": interval(known.get("interval95")) if mine else None,
             "verdict": known.get("verdict", "not tuned"),
         }
 
@@ -193,8 +200,26 @@ class RunResult:
         """The events of some kinds, in order."""
         return tuple(event for event in self.events if event.kind in kinds)
 
+    @property
+    def every(self) -> int:
+        """Of how many rows one is kept in ``trace``, `to_pandas` and `to_xarray`: 1 up to 100,000
+        rows, then 2, 4, … (`evertwin.outcome.trace`). A part of a recording, ``FILE@START:STOP``,
+        is kept whole; `Twin.blocks` has all measured rows."""
+        row = self.trace.get("row", np.empty(0))
+        return int(np.diff(row).min()) if len(row) > 1 else 1
+
+    def _rows(self) -> Mapping[str, np.ndarray]:
+        if self.every > 1:
+            warnings.warn(
+                f"{self.name}: one of {self.every} rows is kept, {len(self.trace['row'])} of "
+                f"{self.samples}: RunResult.every says how to have more", stacklevel=3,
+            )  # fmt: skip
+        return self.trace
+
     def to_pandas(self) -> pandas.DataFrame:
         """The rows as a table: measured, predicted and residual per output, by time [s].
+
+        Of more than 100,000 rows some: one of `every`, which is in its ``attrs``, too.
 
         Raises:
             MissingExtra: pandas is not installed.
@@ -203,17 +228,20 @@ class RunResult:
             import pandas
         except ModuleNotFoundError as error:
             raise MissingExtra.of("pandas", "analysis") from error
-        columns: dict[str, Any] = {}
+        columns, rows = dict[str, Any](), self._rows()
         for k, name in enumerate(self.model.outputs.names):
             for kind in ("measured", "predicted", "residual"):
-                columns[f"{name}.{kind}"] = self.trace[kind][:, k]
-        index = pandas.Index(self.trace["row"], name="row")
+                columns[f"{name}.{kind}"] = rows[kind][:, k]
+        index = pandas.Index(rows["row"], name="row")
         table = pandas.DataFrame(columns, index=index)
-        table.insert(0, "t", self.trace["t"] * 1e-9)
+        table.insert(0, "t", rows["t"] * 1e-9)
+        table.attrs["every"] = self.every
         return table
 
     def to_xarray(self) -> xarray.Dataset:
         """The rows as a labelled data set with dimensions ``row`` and ``output``.
+
+        Of more than 100,000 rows some: one of `every`, which is in its ``attrs``, too.
 
         Raises:
             MissingExtra: xarray is not installed.
@@ -222,15 +250,16 @@ class RunResult:
             import xarray
         except ModuleNotFoundError as error:
             raise MissingExtra.of("xarray", "analysis") from error
-        names = list(self.model.outputs.names)
+        names, rows = list(self.model.outputs.names), self._rows()
         return xarray.Dataset(
             {
-                kind: (("row", "output"), self.trace[kind])
+                kind: (("row", "output"), rows[kind])
                 for kind in ("measured", "predicted", "residual")
             },
+            attrs={"every": self.every},
             coords={
-                "row": self.trace["row"],
-                "t": ("row", self.trace["t"] * 1e-9),
+                "row": rows["row"],
+                "t": ("row", rows["t"] * 1e-9),
                 "output": names,
                 "unit": ("output", list(self.model.outputs.units)),
             },
@@ -285,10 +314,11 @@ class RunResult:
         if not len(row):
             return []
         mark = self.trace["mark"][row >= self.unseen_since]
-        every = round(float(np.median(np.diff(row)))) if len(row) > 1 else 1
         found = dict[str, list[str]]()
         for name, own in zip(self.outputs, mark.T, strict=True):
-            counts = {why: every * np.count_nonzero(own == kind) for kind, why in SPOILED.items()}
+            counts = {
+                why: self.every * np.count_nonzero(own == kind) for kind, why in SPOILED.items()
+            }
             said = ", ".join(f"{count} {why}" for why, count in counts.items() if count)
             found.setdefault(said, []).append(name)
         return [

@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from evertwin.fold import plain
+from evertwin.fold import interval, plain
 from evertwin.models import Parameters
 from evertwin.models.failures import Failed
 from evertwin.models.form import Form
@@ -127,6 +127,10 @@ class FitResult:
     def to_dict(self) -> dict[str, Json]:
         """Plain content, ``schema: "evertwin.fit/1"``."""
         whole: Any = self.fit.to_dict()
+        parameters: Any = {
+            name: item | {"interval95": interval(item["interval95"])}
+            for name, item in whole["parameters"].items()
+        }
         tested = {d.name: d for d in self.test}
         outputs = {}
         for d in self.train:
@@ -143,7 +147,7 @@ class FitResult:
             {
                 "schema": "evertwin.fit/1",
                 "name": self.name,
-                "parameters": whole["parameters"],
+                "parameters": parameters,
                 "outputs": outputs,
                 "tests": [
                     {
@@ -203,8 +207,9 @@ class FitResult:
         )
 
     def __str__(self) -> str:
-        """Parameters, then deviations per recording."""
-        lines = [*filter(None, [self.unseen]), str(self.fit)]
+        """What speaks against it, parameters, then deviations per recording."""
+        doubts = [f"look at {one.source} first: {one.doubt}" for one in self.left_out if one.doubt]
+        lines = [*doubts, *filter(None, [self.unseen]), str(self.fit)]
         lines = [f"{self.failed}: these rows are left out", *lines] if self.failed else lines
         lines += [
             f"law of {output}: {law}"

@@ -7,7 +7,7 @@ output, only while the error on held-out tasks falls.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
@@ -162,8 +162,8 @@ def led(setup: Setup, train: Data, windows: Windows) -> tuple[Windows, Windows]:
     """The rows of recordings before the parts of them that are trained on, which say what these
     begin with, and the parts; none where one is no excerpt of a file, or is cut into windows."""
     listed = [train] if isinstance(train, str | Path) else train
-    files = isinstance(listed, Sequence) and all(isinstance(one, str | Path) for one in listed)
-    parts = [Excerpt.parse(str(one)) for one in listed or ()] if files else []
+    several = listed if isinstance(listed, Sequence) else ()
+    parts = [Excerpt.parse(one) for one in several if isinstance(one, str | Path)]
     if not parts or not all(0.0 < part.start < math.inf for part in parts):
         return (), windows
     earlier = [f"{part.path}@:{part.start}" for part in parts]
@@ -219,7 +219,7 @@ def _watched(problem: Problem, stop: Interrupt, watch: Watch | None) -> Problem:
 
 
 def fit(
-    setup: Setup, versions: Versions, number: int, data: tuple[Data, tuple[Any, ...]],
+    setup: Setup, versions: Versions, number: int, data: tuple[Data, Any],
     watch: Watch | None = None, engine: Engine | None = None,
 ) -> FitResult:  # fmt: skip
     """Tunes version ``number`` on ``data``'s first part, judges it on each of the second.
@@ -229,9 +229,10 @@ def fit(
     train, test = data
     done = tune(setup, versions, number, train, watch, engine)
     formed, model, found = done.formed, done.model, done.formed.fit
-    screens = [done.rows(listed(item)) for item in test]
+    items = tuple(each(test))
+    screens = [done.rows(listed(item)) for item in items]
     tests = [
-        (named(item), done.judged(seen.rows)) for item, seen in zip(test, screens, strict=True)
+        (named(item), done.judged(seen.rows)) for item, seen in zip(items, screens, strict=True)
     ]
     failed = Failed.together(seen.failed for seen in screens)
     together = [prediction for _, one in tests for prediction in one.predictions]
@@ -241,7 +242,7 @@ def fit(
         setup.spec.name, found, deviations(setup, own),
         deviations(setup, together) if tests else (),
         tuple((name, deviations(setup, one.predictions)) for name, one in tests),
-        done.chosen.laws, done.chosen.causes,
+        dict(done.chosen.laws), dict(done.chosen.causes),
         None if rule is None else {"kind": rule.kind, "order": rule.order, "cutoff": rule.cutoff},
         model.parameters.with_values(found.p), formed.form, done.unknown, formed.search,
         tuple(tuple(one.begun) for _, one in tests),
@@ -280,6 +281,12 @@ def _spoiled(model: Model, tasks: tuple[Block, ...]) -> dict[str, int]:
 def named(item: Any) -> str:
     """What a recording is called."""
     return item if isinstance(item, str) else getattr(item, "name", "") or "rows"
+
+
+def each(tests: Any) -> tuple[Any, ...]:
+    """Recordings to be judged alone; one is one of them."""
+    alone = isinstance(tests, str | Path | Mapping | Block) or hasattr(tests, "columns")
+    return (tests,) if alone else tuple(tests)
 
 
 def listed(item: Any) -> Any:

@@ -8,7 +8,7 @@ from evertwin.surface import surface
 
 if TYPE_CHECKING:
     from evertwin.rows.channels import check_units as check_units
-    from evertwin.rows.feed import Data as Data, Feed as Feed, chunk_of as chunk_of
+    from evertwin.rows.feed import Data as Data, Feed as Feed
     from evertwin.rows.samples import Numbered as Numbered
 
 __getattr__ = surface(__name__)

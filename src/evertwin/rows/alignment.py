@@ -245,6 +245,19 @@ def _sources(operations: Sequence[Operation], wanted: Iterable[str | None]) -> d
     return found
 
 
+def recorded_for(spec: TwinSpec, model: Model) -> tuple[str, ...]:
+    """The recorded channels that a model's inputs and measured outputs are made of.
+
+    >>> from evertwin.config.spec import ModelSpec, TwinSpec
+    >>> from evertwin.machines.mobile import Robot1D
+    >>> recorded_for(TwinSpec("cart", ModelSpec("robot1d")), Robot1D())
+    ('v', 'x')
+    """
+    measured = [name for name in model.outputs.names if is_measured(spec, name)]
+    wanted = [recorded_as(spec, name) for name in (*model.inputs.names, *measured)]
+    return tuple(_sources(_operations(spec), wanted))
+
+
 def _operations(spec: TwinSpec) -> tuple[Operation, ...]:
     """The filter over recorded channels first, then what is derived, in the order written."""
     filtered = () if spec.filter is None else spec.filter.inputs

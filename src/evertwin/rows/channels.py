@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Any
-
-import numpy as np
+from collections.abc import Iterator
 
 from evertwin.config import place
 from evertwin.config.spec import TwinSpec
@@ -14,7 +11,7 @@ from evertwin.models import Model
 from evertwin.settings.notes import Path
 from evertwin.settings.quantity import Measured, written
 from evertwin.signals import Channel, Layout
-from evertwin.signals.units import compatible, conversion_of, lacks_angle, to_si
+from evertwin.signals.units import compatible, conversion_of, lacks_angle
 from evertwin.sources.spec import ChannelSpec
 
 
@@ -108,22 +105,6 @@ def unit_recorded(spec: TwinSpec, name: str) -> str:
 def unit_told(spec: TwinSpec, channel: Channel) -> str:
     """The unit that people are told a channel in: that of the recording, else of the model."""
     return unit_recorded(spec, channel.name) or channel.stated
-
-
-def by_name(spec: TwinSpec, model: Model, columns: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Columns by name in SI: each is in the unit that the model states for its channel.
-
-    >>> from evertwin.config.spec import ModelSpec
-    >>> from evertwin.machines.mobile import Robot1D
-    >>> by_name(TwinSpec("cart", ModelSpec("robot1d")), Robot1D(), {"v": [0.5]})
-    {'v': [0.5]}
-    """
-    channels = (*model.inputs, *model.outputs)
-    units = {recorded_as(spec, one.name): one.stated for one in channels if one.stated}
-    return {
-        name: to_si(np.asarray(values, dtype=np.float64), units[name]) if name in units else values
-        for name, values in columns.items()
-    }
 
 
 def size_recorded(spec: TwinSpec, name: str) -> float:

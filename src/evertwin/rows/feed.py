@@ -20,49 +20,25 @@ from evertwin.errors import DataError, UsageError
 from evertwin.fold import Block, Chunk, Event, concatenate, take
 from evertwin.models import Model
 from evertwin.rows.alignment import Alignment
-from evertwin.rows.channels import by_name
 from evertwin.rows.crop import cropped
+from evertwin.rows.given import COLUMNS, Given, given, unknown
+from evertwin.rows.time_scale import doubt
+from evertwin.sources.in_memory import Frame, in_memory
 from evertwin.sources.merging import Excerpt, each_once, merge
 from evertwin.sources.recorded import Recorded
 from evertwin.sources.tally import Tally
 from evertwin.sync import Feed as Brings
 
 Data: TypeAlias = (
-    "str | Path | Sequence[str | Path] | Mapping[str, Any] | Block | Iterable[Block] | None"
+    "str | Path | Sequence[str | Path] | Mapping[str, Any] | Frame | "
+    "Sequence[Mapping[str, Any] | Frame] | Block | Iterable[Block] | None"
 )
-"""A file, files or parts of them (``FILE@START:STOP``), columns by name (with ``t`` in seconds; a
-DataFrame too), ready blocks, or None: the twin file's own recordings."""
-COLUMNS = "columns"
-"""Name of the source of columns that were given by name."""
+"""A file, files or parts of them (``FILE@START:STOP``), a table with columns by name (a DataFrame,
+an Arrow table, a record array, a mapping of columns with ``t`` in seconds: `evertwin.rows.given`
+says how they are read) or several, each a recording, ready blocks, or None: the twin file's."""
 ALONE = "one row is left to use, and one alone tells nothing"
 ENOUGH, FINER = 100, 100
 """Samples that tell how far they are apart; rows of a grid for one of them that are too many."""
-
-
-def chunk_of(columns: Mapping[str, Any], source: str = COLUMNS, task: int = 0) -> Chunk:
-    """Columns by name, ``t`` in seconds or as datetimes, as one chunk.
-
-    Raises:
-        DataError: there is no ``t``, or a column of another length.
-
-    >>> chunk_of({"t": [0.0, 0.5], "v": [1.0, 2.0]}).t.tolist()
-    [0, 500000000]
-    """
-    if "t" not in columns:
-        raise DataError("columns: expected a column 't' with seconds from the start")
-    t = np.asarray(columns["t"])
-    if t.dtype.kind == "M":
-        stamps = t.astype("datetime64[ns]").astype(np.int64)
-    else:
-        stamps = np.rint(np.asarray(t, dtype=np.float64) * 1e9).astype(np.int64)
-    values = {k: np.asarray(v, dtype=np.float64) for k, v in columns.items() if k != "t"}
-    for name, column in values.items():
-        if column.shape != stamps.shape:
-            raise DataError(
-                f"column {name!r}: expected {len(stamps)} values as 't' has, got shape "
-                f"{column.shape}"
-            )
-    return Chunk(source, stamps, np.stack(list(values.values()), axis=1), task)
 
 
 @dataclass
@@ -108,7 +84,7 @@ class Feed:
             )
 
     def several(self, data: Data = None) -> Iterator[Block]:
-        """`blocks` of files that hold more than one row that can be used.
+        """`blocks` of recordings that hold more than one row that can be used.
 
         Raises:
             DataError: one alone, or none, can be.
@@ -117,7 +93,7 @@ class Feed:
         for block in self.blocks(data):
             rows += len(block.t)
             yield block
-        if rows == 1 and self.files:
+        if rows == 1 and self.tallies:
             raise DataError(self.why(ALONE))
 
     def stream(self, data: Data = None) -> Iterator[Block]:
@@ -150,7 +126,13 @@ class Feed:
             yield block
 
     def _check(self, chunk: Chunk) -> None:
-        """A grid that is far finer than the samples of a source is a wrong unit of time."""
+        """A grid that is far finer than the samples of a source is a wrong unit of time; so may be
+        whole numbers that the twin is too short for."""
+        tally = self.tallies[chunk.source]
+        if tally.whole[0]:
+            tally.doubt = doubt(*tally.whole, self.spec.prediction.horizon, self.model)
+            tally.suspect(tally.doubt)
+            tally.whole = (0.0, "s")
         rate = self.spec.clock.rate
         if rate is None or len(chunk.t) < ENOUGH:
             return
@@ -164,10 +146,9 @@ class Feed:
 
     def brings(self, data: Data = None) -> tuple[Brings, ...]:
         """What each source brings."""
-        columns = _named(data)
-        if columns is not None:
-            return (Brings(COLUMNS, tuple(name for name in columns if name != "t")),)
-        return tuple(_brought(source) for source in self._wanted(data))
+        held = given(self.spec, self.model, data)
+        read = self._wanted(data) if held is None else [one.source for one in held]
+        return tuple(map(_brought, read))
 
     def live(self, named: Sequence[str] = ()) -> tuple[Brings, ...]:
         """What the sources of a running machine bring; without any, one of columns by name."""
@@ -180,9 +161,9 @@ class Feed:
         Raises:
             DataError: a file cannot be read.
         """
-        columns = _named(data)
-        if columns is not None:
-            yield chunk_of(by_name(self.spec, self.model, columns))
+        held = given(self.spec, self.model, data)
+        if held is not None:
+            yield from merge([self._held(one) for one in held])
             return
         parts = _parts(data)
         if all(part.whole for part in parts):
@@ -245,10 +226,17 @@ class Feed:
                 raise UsageError(f"{named}: files of one recording: give each the same @START:STOP")
             yield files_of(self.spec, [part.path for part in together]), together[0]
 
+    def _held(self, one: Given) -> Iterator[Chunk]:
+        tally = self._tally(one.source)
+        tally.notes += one.notes
+        return Recorded.of(one.source, one.recordings, tally).read()
+
     def _recorded(self, spec: SourceSpec, paths: tuple[Path, ...]) -> Recorded:
         self.files.setdefault(spec.name, []).extend(paths)
-        tally = self.tallies.setdefault(spec.name, Tally(spec.name, spec.left_out))
-        return Recorded.of(spec, paths, tally)
+        return Recorded.of(spec, paths, self._tally(spec))
+
+    def _tally(self, spec: SourceSpec) -> Tally:
+        return self.tallies.setdefault(spec.name, Tally(spec.name, spec.left_out))
 
 
 def _brought(source: SourceSpec) -> Brings:
@@ -257,24 +245,30 @@ def _brought(source: SourceSpec) -> Brings:
 
 
 def _ready(data: Any) -> Iterable[Block] | None:
-    """Blocks that were given as such."""
+    """Blocks that were given as such.
+
+    Raises:
+        UsageError: it is neither these, nor files, nor tables.
+    """
     if isinstance(data, Block):
         return (data,)
-    if data is None or isinstance(data, str | Path) or _named(data) is not None:
+    if data is None or isinstance(data, str | Path) or in_memory(data) is not None:
         return None
     if isinstance(data, Sequence):
         return data if len(data) > 0 and isinstance(data[0], Block) else None
-    return data  # type: ignore[no-any-return]
+    if not isinstance(data, Iterator) or hasattr(data, "read"):
+        raise UsageError(unknown(data))
+    return _blocks(data)
 
 
-def _named(data: Any) -> Mapping[str, Any] | None:
-    """Columns that were given by name; of a DataFrame its index is the time where no ``t`` is."""
-    if isinstance(data, Mapping):
-        return data
-    if not hasattr(data, "columns") or not hasattr(data, "index"):
-        return None
-    columns = {str(name): data[name].to_numpy() for name in data.columns}
-    return columns if "t" in columns else {"t": data.index.to_numpy(), **columns}
+def _blocks(data: Iterator[Any]) -> Iterator[Block]:
+    for block in data:
+        if not isinstance(block, Block):
+            raise UsageError(
+                f"data: expected an iterator of blocks, got one of {type(block).__name__}: give "
+                "recordings as a list"
+            )
+        yield block
 
 
 def _parts(data: Any) -> list[Excerpt]:

@@ -17,7 +17,7 @@ import numpy as np
 
 from evertwin.engine import EngineSpec, Pool
 from evertwin.errors import DataError
-from evertwin.fold import Block, Chunk, Event, make_block, plain
+from evertwin.fold import Block, Chunk, Event, interval, make_block, plain
 from evertwin.ledger import Label
 from evertwin.models import Model
 from evertwin.outcome import View
@@ -293,7 +293,7 @@ class AtWork:
         known = self._estimates.get((name, value))
         if known is None:
             return {"interval95": None, "verdict": None}
-        return {"interval95": plain((known.low, known.high)), "verdict": known.verdict}
+        return {"interval95": plain(interval((known.low, known.high))), "verdict": known.verdict}
 
     def ordered(
         self, order: str, number: int | None, reason: str, person: str

@@ -80,7 +80,7 @@ def kind_of(array: Array) -> str:
     """The kind of a column, see `Column`."""
     if array.dtype.kind == "b":
         return "boolean"
-    if array.dtype.kind == "M":
+    if array.dtype.kind in "mM":
         return "time"
     return "number" if array.dtype.kind in "fiu" else "text"
 

@@ -19,7 +19,7 @@ from collections.abc import AsyncIterator, Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -36,21 +36,17 @@ from evertwin.sources.names import closest
 from evertwin.sources.recording import open_recording
 from evertwin.sources.spec import SourceSpec
 from evertwin.sources.stamps import NO_STAMP, StampError, past_midnight, to_ns, zones
-from evertwin.sources.table import Column, Problem, Rows, Table
+from evertwin.sources.table import Column, Problem, Recording, Rows, Table
 from evertwin.sources.tally import Tally, order_of_rows, unit_of_channel, unit_of_time
 from evertwin.sources.time_unit import TimeGuess, guess, time_column, told
 from evertwin.types import Bool, Outputs, Stamps
 
+Files: TypeAlias = tuple[Path | Recording, ...]
+"""Files, or recordings that are open already."""
 FORMATS = {
-    "csv": ("csv",),
-    "text": ("csv",),
-    "mat": ("mat",),
-    "parquet": ("parquet",),
-    "mcap": ("mcap",),
-    "bag": ("ros1", "ros2"),
-    "numpy": ("npy", "npz"),
-    "carmen": ("carmen",),
-}
+    "csv": ("csv",), "text": ("csv",), "mat": ("mat",), "parquet": ("parquet",),
+    "mcap": ("mcap",), "bag": ("ros1", "ros2"), "numpy": ("npy", "npz"), "carmen": ("carmen",),
+}  # fmt: skip
 """Name in a twin file to the kinds of file that it means."""
 
 
@@ -111,7 +107,7 @@ class Recorded:
     """
 
     name: str
-    files: tuple[Path, ...]
+    files: Files
     cells: tuple[Cell, ...]
     clock: Clock = field(default_factory=Clock)
     task: str | int | None = None
@@ -126,7 +122,7 @@ class Recorded:
     """Values of the last cells, one for each: only rows that have one of them are read."""
 
     @classmethod
-    def of(cls, spec: SourceSpec, files: tuple[Path, ...], tally: Tally | None = None) -> Recorded:
+    def of(cls, spec: SourceSpec, files: Files, tally: Tally | None = None) -> Recorded:
         """The source of a twin file over these files."""
         cells = [
             Cell(name, c.column, c.unit, c.scale, c.offset, c.sentinels, c.step)
@@ -148,8 +144,8 @@ class Recorded:
         Raises:
             DataError: a file cannot be read or lacks a column.
         """
-        for path in self.files:
-            self._wiring(path)
+        for file in self.files:
+            self._wiring(file)
 
     async def chunks(self) -> AsyncIterator[Chunk]:
         """See `Source`."""
@@ -166,21 +162,39 @@ class Recorded:
             DataError: with file, line and column.
         """
         task = -1
-        for path in self.files:
-            top = _Top()
+        for file in self.files:
+            top, name = _Top(), _name(file)
             width = len(self.cells) - len(self.where)
             cells = EmptyCells([cell.channel for cell in self.cells[:width]])
-            for opens, out in self._guarded(path, top):
+            for opens, out in self._guarded(file, top):
                 task += int(opens)
-                chunk = self._wanted(Chunk(self.name, out.t, self._si(out, path), task))
+                chunk = self._wanted(Chunk(self.name, out.t, self._si(out, name), task))
                 if len(chunk.t):
                     cells.add(chunk.t, chunk.v, out.line[np.searchsorted(out.t, chunk.t)])
                     yield chunk
-            for name, count, line in cells.found():
+            for channel, count, line in cells.found():
                 self.tally.empty(
-                    name, count, Problem("empty", line, f"{name}: no value", path.name)
+                    channel, count, Problem("empty", line, f"{channel}: no value", name)
                 )
             self._suspect(top)
+
+    def samples(self) -> Chunk:
+        """All rows as one chunk, as they came: stamps are judged where they are aligned.
+
+        Raises:
+            DataError: a row has no stamp.
+        """
+        parts = []
+        for file in self.files:
+            for line, t, v in self._pieces(file, _Top()):
+                if len(none := np.flatnonzero(t == NO_STAMP)):
+                    raise DataError(f"{_name(file)}: row {line[none[0]]} has no stamp")
+                si = self._si(Guarded(line, t, v[:, : len(self.cells)], ()), _name(file))
+                parts.append(self._wanted(Chunk(self.name, t, si)))
+        if not parts:
+            raise DataError(f"{self.name}: no row")
+        t, v = (np.concatenate(of) for of in zip(*(c[1:3] for c in parts), strict=True))
+        return Chunk(self.name, t, v)
 
     def _wanted(self, chunk: Chunk) -> Chunk:
         """The rows whose last cells have one of the values of ``where``, without those cells."""
@@ -199,11 +213,11 @@ class Recorded:
         if lost:
             self.tally.suspect(order_of_rows(top.t))
 
-    def _guarded(self, path: Path, top: _Top) -> Iterator[tuple[bool, Guarded]]:
+    def _guarded(self, file: Path | Recording, top: _Top) -> Iterator[tuple[bool, Guarded]]:
         """Clean rows, each task with a watch of its own; True where a task opens."""
         watch: Watch | None = None
         step, code = 0, float("nan")
-        for line, t, v in self._pieces(path, top):
+        for line, t, v in self._pieces(file, top):
             step = step or typical(t)
             for value, rows in self._parts(v):
                 if watch is None or value != code:
@@ -226,11 +240,12 @@ class Recorded:
         for a, b in pairwise(cuts):
             yield float(code[a]), slice(a, b)
 
-    def _wiring(self, path: Path) -> _Wiring:
-        recording = open_recording(path, self.stated)
-        if self.format != "auto" and recording.kind not in FORMATS[self.format]:
+    def _wiring(self, file: Path | Recording) -> _Wiring:
+        recording = file if isinstance(file, Recording) else open_recording(file, self.stated)
+        kinds = ("memory", *FORMATS.get(self.format, (recording.kind,)))
+        if recording.kind not in kinds:
             raise DataError(
-                f"{path.name}: source {self.name!r} expects {self.format}, this is "
+                f"{_name(file)}: source {self.name!r} expects {self.format}, this is "
                 f"{recording.kind}: name another file, or write format = 'auto'"
             )
         if len(recording.tables) == 1:
@@ -239,7 +254,7 @@ class Recorded:
             found = {recording.find(str(cell.column))[0].name for cell in self.cells}
             if len(found) != 1:
                 raise DataError(
-                    f"{path.name}: source {self.name!r} takes columns of {len(found)} topics "
+                    f"{_name(file)}: source {self.name!r} takes columns of {len(found)} topics "
                     f"({', '.join(sorted(found))}): give each topic a source of its own"
                 )
             topic = found.pop()
@@ -252,15 +267,16 @@ class Recorded:
         names = tuple(column.name for column in columns)
         return _Wiring(table, names, _time_column(table, self.clock))
 
-    def _pieces(self, path: Path, top: _Top) -> Iterator[Piece]:
-        table, numbers, time = self._wiring(path)
+    def _pieces(self, file: Path | Recording, top: _Top) -> Iterator[Piece]:
+        table, numbers, time = self._wiring(file)
         for rows in table.rows(numbers, None if time is None else time.name):
-            self.tally.add(rows.problems, path.name)
+            self.tally.add(rows.problems, _name(file))
             if len(rows.line) == 0:
                 continue
             if time is not None and not top.unit:
                 top.looks = guess(time.name, rows.time[:1000], time.unit)
                 top.unit = _unit(table, time, rows, self.clock.unit)
+                self.tally.whole = top.looks.step, top.unit
                 dates = top.unit in ORDERS and rows.time.dtype.kind == "S"
                 self.tally.local |= dates and zones(rows.time) == {False}
             t = self._stamps(table, time, rows, top)
@@ -284,7 +300,7 @@ class Recorded:
         known = t != NO_STAMP
         return np.where(known, t + self.clock.offset, t)
 
-    def _si(self, out: Guarded, path: Path) -> Outputs:
+    def _si(self, out: Guarded, file: str) -> Outputs:
         si = np.empty((len(out.t), len(self.cells)))
         for j, cell in enumerate(self.cells):
             factor, zero = conversion(cell.unit)
@@ -294,17 +310,17 @@ class Recorded:
         for j, cell in enumerate(self.cells):
             sentinel = np.isin(out.v[:, j], cell.sentinels)
             si[sentinel, j], absurd[sentinel, j] = np.inf, False
-        self._count(out, absurd, path)
+        self._count(out, absurd, file)
         return si
 
-    def _count(self, out: Guarded, absurd: Bool[np.ndarray, "n k"], path: Path) -> None:
+    def _count(self, out: Guarded, absurd: Bool[np.ndarray, "n k"], file: str) -> None:
         """What was left out of these rows, and what of them is used."""
         rows = np.flatnonzero(absurd.any(axis=1)).tolist()
         for i in rows:
             j = int(np.argmax(absurd[i]))
             detail = f"{self.cells[j].channel}: {out.v[i, j]:.6g}"
-            self.tally.add((Problem("absurd", int(out.line[i]), detail),), path.name)
-        self.tally.add(out.problems, path.name)
+            self.tally.add((Problem("absurd", int(out.line[i]), detail),), file)
+        self.tally.add(out.problems, file)
         self.tally.used += len(out.t) - len(rows)
 
 
@@ -319,6 +335,10 @@ class _Top:
     t: Stamps = field(default_factory=lambda: np.zeros(0, np.int64))
     last: int = NO_STAMP
     """The stamp that the piece before ended with."""
+
+
+def _name(file: Path | Recording) -> str:
+    return (file if isinstance(file, Path) else file.path).name
 
 
 class _Wiring(NamedTuple):

@@ -64,13 +64,15 @@ def to_ns(raw: np.ndarray, unit: str) -> Stamps:
     """Nanoseconds of a raw column of time; `NO_STAMP` where a cell holds none.
 
     Args:
-        raw: bytes (text), integers, floats or datetime64, (n,).
-        unit: s, ms, us, ns, min, h, or one of `ORDERS`; datetime64 needs none.
+        raw: bytes (text), integers, floats, datetime64 or timedelta64, (n,).
+        unit: s, ms, us, ns, min, h, or one of `ORDERS`; datetime64 and timedelta64 need none.
 
     Raises:
         UsageError: an unknown unit.
         DataError: a text that is neither a number nor a date, with its position.
     """
+    if raw.dtype.kind == "m":
+        return raw.astype("timedelta64[ns]").astype(np.int64)
     if raw.dtype.kind == "M":
         day = raw.astype("datetime64[D]").astype(np.int64)
         ns = raw.astype("datetime64[ns]").astype(np.int64)

@@ -58,13 +58,20 @@ class Tally:
     used: int = 0
     """Rows that were used."""
     counts: dict[str, int] = field(default_factory=dict)
-    first: dict[str, list[Problem]] = field(default_factory=dict)
+    first: dict[str, list[Problem]] = field(default_factory=dict, repr=False)
     cells: dict[str, int] = field(default_factory=dict)
     """Empty cells of each channel."""
     local: bool = False
     """Are its dates without a zone, those of a clock on a wall?"""
     suspicions: list[str] = field(default_factory=list)
     """What is probably wrong, such as the unit of time, with the factor."""
+    whole: tuple[float, str] = (0.0, "s")
+    """What its stamps advance by where they are whole numbers, else 0, and what they are read
+    in."""
+    doubt: str = ""
+    """The suspicion that is of all rows, those that were used above all."""
+    notes: list[str] = field(default_factory=list)
+    """How it was read where nobody had said so: no finding."""
 
     def add(self, problems: Iterable[Problem], file: str = "") -> None:
         """Count ``problems`` of a file."""
@@ -130,17 +137,16 @@ class Tally:
             "source": self.source, "rows": self.used + self.left_out, "left_out": self.left_out,
             "share": self.share, "problems": dict(self.counts), "first": list(self.lines()),
             "suspicions": list(self.suspicions), "lacking": list(self.lacking),
-            "finding": self.finding,
+            "notes": list(self.notes), "finding": self.finding,
         }  # fmt: skip
 
     def __str__(self) -> str:
         """One line with all of it; empty where nothing was wrong."""
         rows = self.used + self.left_out
         said = [*self.lines(), *self.lacking, *self.suspicions]
-        if not said:
-            return ""
-        head = f"{self.left_out} of {rows} rows left out ({100 * self.share:.3g} %)"
-        return f"{self.source or 'data'}: {head}: {'; '.join(said)}"
+        head = f"{self.left_out} of {rows} rows left out ({100 * self.share:.3g} %): "
+        told = "; ".join([*said, *self.notes])
+        return f"{self.source or 'data'}: {head * bool(said)}{told}" if told else ""
 
 
 def unit_of_time(found: TimeGuess, unit: str, *, lost: bool) -> str:

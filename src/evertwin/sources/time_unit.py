@@ -48,7 +48,7 @@ _HINTS = {
     "min": {"min", "mins", "minute", "minutes", "minuten", "minuti", "minutos"},
     "h": {"h", "hr", "hrs", "hour", "hours", "stunde", "stunden", "heures", "ore", "horas"},
 }
-_STATED, _EPOCH = "stated in the heading", "counted from 1970"
+_STATED, EPOCH = "stated in the heading", "counted from 1970"
 _NUMBER = re.compile(rb"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$")
 _FIRST, _LAST = 946_684_800, 4_102_444_800
 """The years 2000 and 2100 [s]."""
@@ -64,11 +64,13 @@ class TimeGuess(NamedTuple):
     unit: str
     reason: str
     sure: bool
+    step: float = 0.0
+    """What whole numbers that are counted from anywhere advance by a row; 0: they are none."""
 
     @property
     def evident(self) -> bool:
         """Whether the file says it, or the years since 1970 do."""
-        return self.reason in (_STATED, _EPOCH)
+        return self.reason in (_STATED, EPOCH)
 
 
 def guess(heading: str, raw: np.ndarray, stated: str = "") -> TimeGuess:
@@ -79,8 +81,8 @@ def guess(heading: str, raw: np.ndarray, stated: str = "") -> TimeGuess:
         raw: some rows of it, (n,).
         stated: unit that the file itself states, empty if none.
     """
-    if raw.dtype.kind == "M":
-        return TimeGuess("iso", "calendar stamps", True)
+    if raw.dtype.kind in "mM":
+        return TimeGuess("iso", "calendar stamps" if raw.dtype.kind == "M" else "durations", True)
     if raw.dtype.kind == "S" and any(is_date(cell) for cell in _texts(raw)):
         return _dated(raw)
     words = {stated.lower(), *re.split(r"[^a-zµ]+", heading.lower())}
@@ -140,12 +142,12 @@ def _by_size(stamps: np.ndarray, whole: bool) -> TimeGuess:
     for unit, factor in (("s", 1.0), ("ms", 1e3), ("us", 1e6), ("ns", 1e9)):
         seconds = step / factor
         if _FIRST * factor <= number < _LAST * factor and seconds < 86_400 * 31:
-            return TimeGuess(unit, _EPOCH, True)
+            return TimeGuess(unit, EPOCH, True)
     if whole and step >= 10:
         unit = "ms" if step < 1e4 else "us" if step < 1e6 else "ns"
         unit = "s" if step <= 3600 and step % 60 == 0 else unit  # nobody samples each 60 ms
-        return TimeGuess(unit, f"whole numbers that advance by {step:g} a row", False)
-    return TimeGuess("s", f"advances by {step:g} a row", True)
+        return TimeGuess(unit, f"whole numbers that advance by {step:g} a row", False, step)
+    return TimeGuess("s", f"advances by {step:g} a row", True, step if whole else 0.0)
 
 
 NAMES = ("t", "time", "timestamp", "stamp", "times", "datetime", "date", "zeit", "seconds", "secs")
@@ -199,8 +201,17 @@ def _of_one_day(table: Table, column: Column) -> Column:
 
 
 def _usual(column: Column) -> bool:
-    every = (_words(name) for name in (column.name, *column.also))
-    return any((words[:1] and words[0] in NAMES) or words[-2:] == _OWN for words in every)
+    return any(map(is_usual, (column.name, *column.also)))
+
+
+def is_usual(name: str) -> bool:
+    """Is a column of time called so?
+
+    >>> [is_usual(name) for name in ("Time (s)", "header.stamp", "row")]
+    [True, True, False]
+    """
+    words = _words(name)
+    return bool(words[:1] and words[0] in NAMES) or words[-2:] == _OWN
 
 
 def _words(name: str) -> list[str]:
