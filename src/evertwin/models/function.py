@@ -38,7 +38,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from evertwin.errors import ModelError, UsageError
-from evertwin.models.contract import KernelModel, Model
+from evertwin.models.contract import Model
 from evertwin.models.failures import Failures, at_inputs, raised
 from evertwin.models.kernel import RAISED, Kernel
 from evertwin.models.parameters import Parameters
@@ -182,7 +182,7 @@ def kernel_of(model: Model) -> Kernel:
     >>> kernel_of(still) is still.kernel()
     True
     """
-    return model.kernel() if isinstance(model, KernelModel) else python_kernel(model)
+    return model.kernel() if hasattr(model, "kernel") else python_kernel(model)
 
 
 def python_kernel(model: Any) -> Kernel:
