@@ -84,3 +84,24 @@ def test_held_by_a_dead_band_is_not_frozen(machine: object, fault: str) -> None:
         could += late < ROWS - AT
         found += late < ROWS - AT and any(AT <= row < AT + late for row in told)
     assert accused <= 2 and could >= 20 and found >= 0.9 * could, (accused, found, could)
+
+
+def test_a_late_answer_is_not_frozen_once_it_was_seen() -> None:
+    """A model without states is ahead of its machine by some rows, again and again."""
+    accused = 0
+    for seed in range(40):
+        rng = np.random.default_rng([seed, 11])
+        late = int(rng.integers(4, 12))
+        u = np.resize(np.repeat(rng.uniform(0.0, 10.0, 60), int(rng.integers(20, 50))), ROWS)
+        true = 1.02 * np.concatenate([np.full(late, u[0]), u[:-late]])
+        sigma = 10.0 ** rng.uniform(-2.0, -0.7)
+        raw = true + rng.normal(0.0, sigma, ROWS)
+        seen = recorded(raw, sigma * rng.uniform(3.0, 6.0), 0.1 * sigma)
+        model = FunctionModel(
+            lambda x, u, dt, p: ([], [u[0]]), Layout.of(u="A"), Layout.of(y="N"), Layout()
+        )
+        block = make_block(np.arange(ROWS) * 10**9, u[:, None], seen[:, None])
+        _, out = fold(Track(model, Arbiter(Rule(use="blend"))), [block])
+        told = [r.evidence["onset"] for r in out.records if r.evidence.get("cause") == "frozen"]
+        accused += len(set(told))
+    assert accused <= 60, accused

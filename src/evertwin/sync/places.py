@@ -55,7 +55,10 @@ WENT = 42
 """And per kind of run: farthest way that was predicted at a sample of it."""
 FREE_AFTER = 44
 """And output after the row of the state that runs free, where its group has one."""
-VALUES = 45
+OVERDUE, LATE = 45, 47
+"""And per kind of run: samples of it by which a sound sensor would have answered; how many passed
+until one did, at most."""
+VALUES = 49
 (
     STARTED, VALID, GOOD_AT, LAST_AT, CAUSE, ONSET, UNTIL, FAULTS, TOLD, CONTEST, BATCH, BATCH_ROW,
     LEFT, SAMPLES, UPDATES, RESETS, CONTESTED, ERRORS, TURNS, HELD_BY, QUIET,

@@ -36,6 +36,8 @@ ALIKE = 1.5
 FORGET, MOST = 1.0 / 1024, 2.0
 """Part of the way of a sound run that each later one forgets; times the limit that one tells at
 most."""
+PART = 0.5
+"""Part of the motion that a sound sensor shows, from which on an answer is due."""
 GUESS = 4.0
 """Smallest changes that a sensor may stay for where it was never seen to."""
 LEANS = 1.0
@@ -155,9 +157,10 @@ def step_of(values: Any, j: int) -> float:
 def learn_sound(
     rules: Any, values: Any, numbers: Any, sample: Any, g: int, size: int, kind: int
 ) -> None:
-    """A run ends, so its sensor responds: how far the prediction goes while a sound one stays.
+    """A run ends, so its sensor responds: how far, and how long ahead of it, the prediction goes.
 
-    Once may have been a fault, which counts as little beyond what was usual; the second counts.
+    Once may have been a fault, which counts as little beyond what was usual; of the way the second
+    counts.
     """
     room = sample[0]
     for k in range(size if numbers[g, at.RUN + kind] > 1 else 0):
@@ -171,6 +174,23 @@ def learn_sound(
             values[j, at.SOUND + kind], min(went, values[j, at.FARTHEST + kind])
         )
         values[j, at.FARTHEST + kind] = max(values[j, at.FARTHEST + kind], went)
+        late = min(values[j, at.OVERDUE + kind], MOST * (1.0 + values[j, at.LATE + kind]))
+        values[j, at.LATE + kind] = max(values[j, at.LATE + kind] * (1.0 - FORGET), late)
+
+
+@njit(**HOT)
+def go_on(rules: Any, values: Any, numbers: Any, room: Any, g: int, size: int, kind: int) -> None:
+    """One more sample of a run: how far the prediction went, and is an answer due?
+
+    What no state adopts has no lag in its model: half the way counts, and how late it answers.
+    """
+    for k in range(size):
+        j = room[k]
+        way = abs(values[j, at.GONE + kind])
+        if numbers[g, at.AWAY + kind] == 0:
+            values[j, at.WENT + kind] = max(values[j, at.WENT + kind], way)
+        part = PART if values[j, at.EXPECTED] > 0 else 1.0
+        values[j, at.OVERDUE + kind] += way >= part * enough(rules, values, numbers, g, j, kind)
 
 
 @njit(**HOT)
@@ -194,9 +214,7 @@ def follow(
             numbers[g, at.RUN + kind] += 1
             numbers[g, at.AWAY + kind] = 0
             numbers[g, at.TURNS] += place - 1
-            for k in range(size):
-                went = abs(values[room[k], at.GONE + kind])
-                values[room[k], at.WENT + kind] = max(values[room[k], at.WENT + kind], went)
+            go_on(rules, values, numbers, room, g, size, kind)
             continue
         if numbers[g, at.AWAY + kind] == 0:
             long = 0 < needed(rules, g, kind) <= numbers[g, at.RUN + kind]
@@ -205,6 +223,7 @@ def follow(
         lasting = numbers[g, at.CAUSE] == FROZEN or (numbers[g, at.RUN + kind] > 1 and not again)
         if outside and lasting and numbers[g, at.AWAY + kind] + 1 < rules[g, at.FROZEN]:
             numbers[g, at.AWAY + kind] += 1
+            go_on(rules, values, numbers, room, g, size, kind)
             continue
         learn_sound(rules, values, numbers, sample, g, size, kind)
         numbers[g, at.STILL + kind] += numbers[g, at.STOOD + kind]
@@ -221,6 +240,7 @@ def follow(
                 values[j, at.OTHER] = values[j, at.HELD]
             values[j, at.HELD + kind] = y[j]
             values[j, at.GONE + kind] = values[j, at.WENT + kind] = 0.0
+            values[j, at.OVERDUE + kind] = 0.0
 
 
 @njit(**HOT)
@@ -272,6 +292,7 @@ def enough(rules: Any, values: Any, numbers: Any, g: int, j: int, kind: int) -> 
 def is_frozen(rules: Any, memory: Any, room: Any, g: int, size: int) -> bool:
     """Is the sample one of a run while the model predicts motion beyond the noise?
 
+    One sample with it is none, nor are as many as a sound machine let pass before it answered.
     Of two values in turn, motion beyond twice as much: a machine may creep from one to the other.
     Equal values that leave the prediction need no motion, where the sensor's noise never let any be
     equal. Equal values, and those of an output that no state adopts, stay frozen while their run
@@ -303,7 +324,9 @@ def is_frozen(rules: Any, memory: Any, room: Any, g: int, size: int) -> bool:
             j = room[k]
             noisy = levels > 0 or near_square(values, numbers, g, j) > 0
             moved = enough(rules, values, numbers, g, j, kind)
-            if noisy and abs(values[j, at.GONE + kind]) >= levels * moved:
+            late = values[j, at.OVERDUE + kind] > 1.0 + values[j, at.LATE + kind]
+            late = late or (kind == EQUAL and never)
+            if noisy and late and abs(values[j, at.GONE + kind]) >= levels * moved:
                 if numbers[g, at.CAUSE] != FROZEN:
                     equal = numbers[g, at.RUN + EQUAL] >= numbers[g, at.RUN + kind]
                     numbers[g, at.HELD_BY] = EQUAL if equal else kind
