@@ -57,6 +57,8 @@ FACTORS: tuple[tuple[float, str, tuple[str, ...]], ...] = (
 of; none: of any."""
 WRONG, BETTER = 0.6, 0.5
 """Mismatch from which units are doubted, and the share of it that a factor must remove."""
+MOST = 0.9
+"""Mismatch from which on numbers are doubted that no factor mends."""
 ROWS = 3000
 """Rows that factors are tried on."""
 _Numbers: TypeAlias = Callable[[View, Callable[[Block], Block]], ParameterVector]
@@ -99,7 +101,8 @@ def look_units(view: View, figures: dict[str, Any]) -> list[Finding]:
             break
         best = _best(view, p, (window, applied), seen)
         change = partial(_scaled, by=applied)
-        if len(view.model.states) and not (best and best[0].factor < 0):
+        dynamic, sign = len(view.model.states) > 0, bool(best) and best[0].factor < 0
+        if dynamic and not sign and (best or before.max() > MOST):
             left = best[0].after if best else before
             numbers = tuned(view, change, view.windows)  # not judged by those in doubt
             found += not_tuned(view, change(window), numbers, (before, left))

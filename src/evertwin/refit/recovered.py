@@ -7,6 +7,7 @@ its trial then tells on rows that nobody has seen.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,12 +20,16 @@ from evertwin.trial import Recovery
 if TYPE_CHECKING:
     from evertwin.refit.work import Work
 
+ALIKE = 1.2
+"""So many times what tuned numbers leave a machine that is as it was leaves at most."""
+
 
 def recovered(
     work: Work, task: Task, windows: Windows, events: list[dict[str, Any]]
 ) -> dict[str, Any] | None:
     """The content of an answer with the former version that is nearest to the machine; None: none
-    is within the requirement and off by half of what the live one is off by, or less.
+    is within the requirement, off by half of what the live one is off by, or less, and by hardly
+    more than what is tuned to these rows.
 
     Args:
         work: what poses the problems.
@@ -32,6 +37,8 @@ def recovered(
         windows: the rows of the machine as it is now.
         events: what the answer says so far.
     """
+    if not windows:
+        return None
     names = work.editable(task.version)
     live, least, found = work.left(task.version, windows), 1.0 - Recovery().margin, None
     for old in task.former:
@@ -43,9 +50,15 @@ def recovered(
         return None
     old, posed = found
     now = work.problem(task.version, windows, names)
+    fit = work.tune(now)[1]
+    own = dict(zip(fit.names, fit.values.tolist(), strict=True))
+    values = zip(task.version.names, task.version.values, strict=True)
+    fitted = replace(task.version, values=tuple(own.get(name, value) for name, value in values))
+    if least > ALIKE * float(np.nanmean(work.left(fitted, windows) / live)):
+        return None
     before, after = sizes(work.setup, now, now.start), sizes(work.setup, posed, posed.start)
     said = f"the machine is again as at version {old.number}, as after a repair"
-    values = dict(zip(old.names, old.values, strict=True))
-    candidate = work.candidate(old.form, values, scale_of(before, after), said, windows)
+    numbers = dict(zip(old.names, old.values, strict=True))
+    candidate = work.candidate(old.form, numbers, scale_of(before, after), said, windows)
     told = {"version": old.number, "share": least}
     return {"events": [*events, event("normal", "", said, told)], "candidate": candidate | told}

@@ -11,13 +11,12 @@ filter makes of an end is compared with nothing. What a speed is derived from go
 rows that leave it and are back are taken from their neighbours.
 
 >>> from evertwin.sync.align import Rows
-from evertwin.sync.steady_loop import LONGEST
 >>> t = np.arange(5) * 10**9
 >>> one = np.ones(5)
 >>> rows = Rows(np.arange(5), t, one, np.zeros((5, 0)), np.arange(5.0)[:, None] ** 2,
 ...             np.zeros((5, 1), np.uint8), np.zeros(5, np.int64), np.arange(5) == 0)
 >>> stage = Derive(("x",), (Operation("v", "derivative", ("x",)),), (), (Taken("v"),))
->>> state, left = stage.step(stage.init(), rows)
+>>> state, left, _ = stage.step(stage.init(), rows)
 >>> left.y[:, 0].tolist()
 [1.0, 2.0, 4.0, 6.0]
 >>> stage.flush(state)[1].y[:, 0].tolist()
