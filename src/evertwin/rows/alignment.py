@@ -31,6 +31,7 @@ from evertwin.models.contract import is_adopted
 from evertwin.rows.channels import is_held, is_kept, is_measured, recorded_as
 from evertwin.signals import Channel, Layout
 from evertwin.signals.fir import Symmetric
+from evertwin.signals.units import compatible
 from evertwin.sync import Align, AlignState, Feed, Rows
 from evertwin.sync.derive import Derive, DeriveState, Operation, Taken
 from evertwin.sync.horizon import nanoseconds
@@ -39,8 +40,8 @@ QUIET = ("task_shifted",)
 """Notes of the alignment that are no event of the machine."""
 WIDE = ("filter", "derivative", "slope")
 """Operations that look at neighbouring rows."""
-SPEEDS = ("derivative", "slope")
-"""Operations that take a difference."""
+SPEEDS, PLACES = ("derivative", "slope"), ("m", "rad")
+"""Operations that take a difference; units of a place."""
 AT_ROW, HELD = "", "held "
 """Before the name of a column: the value at the row, or the one held over its interval."""
 
@@ -81,7 +82,9 @@ class Alignment:
         angles = {
             recorded_as(spec, c.name) for c in (*model.inputs, *model.outputs) if c.kind == "angle"
         } | {name for one in spec.derive if one.op == "unwrap" for name in one.source}
-        moving = _moving(operations, inputs, {*angles, *(one.column for one in outputs)})
+        # angles that are cut at a turn leap, and an output is judged by the model
+        others = {*angles, *(one.column for one in outputs)}
+        moving = [n for n in _moving(operations, inputs) if n in _places(spec) - others]
         operations = (*(Operation(name, "steady", (name,)) for name in moving), *operations)
         columns = _columns(operations, inputs, outputs, feeds)
         operations = _used(operations, [one.column for one in (*inputs, *outputs)])
@@ -205,14 +208,17 @@ def _columns(
     return _Columns((*held, *lines), tuple(of_outputs))
 
 
-def _moving(
-    operations: Sequence[Operation], inputs: Sequence[Taken], others: set[str | None]
-) -> list[str]:
-    """Recorded channels of which an input's speed is derived: these go steadily. None of the
-    ``others``: angles leap by a turn, and an output is judged by the model."""
+def _moving(operations: Sequence[Operation], inputs: Sequence[Taken]) -> list[str]:
+    """Recorded channels of which an input's speed is derived."""
     of_inputs = _sources(operations, [one.column for one in inputs])
     derived = {s for one in operations if one.op in SPEEDS for s in one.source}
-    return [name for name in of_inputs if name in derived - others]
+    return [name for name in of_inputs if name in derived]
+
+
+def _places(spec: TwinSpec) -> set[str | None]:
+    """Channels that are recorded as ways or angles: a push may change a speed at once, no place."""
+    units = {name: c.unit for source in spec.source for name, c in source.channels.items()}
+    return {name for name, unit in units.items() if any(compatible(unit, of) for of in PLACES)}
 
 
 def _used(operations: Sequence[Operation], wanted: Iterable[str | None]) -> tuple[Operation, ...]:

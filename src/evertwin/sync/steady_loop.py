@@ -1,4 +1,4 @@
-"""Compiled: a few rows of what goes steadily, such as a position, that cannot be its own.
+"""Compiled: a few rows of what goes steadily as a position does, that cannot be its own.
 
 What it does from one row to the next is compared with the fastest that it ever did. Rows that leave
 it far faster and come back as fast are wrong: they are taken from their neighbours. Where it goes
