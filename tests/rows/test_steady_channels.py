@@ -9,7 +9,9 @@ from evertwin.sync import Feed
 from planted.twins import opened
 
 
-@pytest.mark.parametrize(("name", "steady"), [("emps", ["position"]), ("arm_live", []), ("robot", [])])
+@pytest.mark.parametrize(
+    ("name", "steady"), [("emps", ["position"]), ("arm_live", []), ("robot", [])]
+)
 def test_a_place_goes_steadily_and_a_speed_need_not(name: str, steady: list[str]) -> None:
     with opened(name) as twin:
         spec, model = twin.spec, twin.setup.model

@@ -123,10 +123,11 @@ def _write(draft: Draft, force: bool) -> dict[str, Any]:
 
 def _name_life(file: Path, wear: Wear, as_json: bool) -> None:
     """Of a series that tells wear."""
+    several = f"one file for each {wear.of}, {wear.series} in all, makes the others its fleet\n"
     text = (
         f"{file}: a series that tells wear: {', '.join(wear.columns)} by {wear.clock}, "
         f"{wear.rows} rows. It needs no twin file; X is where its life ends:\n"
-        f"next: {wear.command(str(file))}"
+        f"{several * bool(wear.of)}next: {wear.command(str(file))}"
     )
     show({"schema": "evertwin.init/1", "file": None, "next": wear.command(str(file)),
           "series": wear._asdict()}, text, as_json)  # fmt: skip

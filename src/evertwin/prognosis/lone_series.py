@@ -14,6 +14,7 @@ the other side of the values, or a thousand times off.
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -179,6 +180,9 @@ class Wear(NamedTuple):
     rows: int
     falls: bool
     """Whether the first of them falls on the whole."""
+    of: str = ""
+    """Column that says whose series a row is of, where there are several, one after the other."""
+    series: int = 1
 
     @property
     def alone(self) -> bool:
@@ -187,8 +191,11 @@ class Wear(NamedTuple):
 
     def command(self, file: str) -> str:
         """What tells its life."""
-        column = f" --column {self.columns[0]}" if len(self.columns) > 1 else ""
-        return f"evertwin life {file}{column} --limit X{' --below' if self.falls else ''}"
+        column = f" --column {shlex.quote(self.columns[0])}" if len(self.columns) > 1 else ""
+        said = f"{column} --limit X{' --below' * self.falls}"
+        if self.of:
+            return f"evertwin life ONE.csv{said} --fleet 'others/*.csv'"
+        return f"evertwin life {shlex.quote(file)}{said}"
 
 
 def wear_in(file: Path) -> Wear | None:
@@ -206,15 +213,29 @@ def wear_in(file: Path) -> Wear | None:
         return None
     if not columns or table.rows < 2 or not step >= SELDOM:
         return None
-    ways = [_way(table.column(name)) for name in columns]
-    worn = Wear(clock, columns, table.rows, ways[0] < 0)
+    of, series = _whose(table, clock, columns)
+    columns = tuple(name for name in columns if name != of)
+    begins = 1 if series == 1 else int(np.flatnonzero(np.diff(table.column(clock)) < 0)[0]) + 1
+    ways = [_way(table.column(name)[: None if series == 1 else begins]) for name in columns]
+    worn = Wear(clock, columns, table.rows, ways[0] < 0, of, series)
     if worn.alone:
         return worn
     going = [k for k, way in enumerate(ways) if abs(way) > 1]  # wear goes one way
     if not going:
         return None
     k = going[0]
-    return Wear(clock, (columns[k], *columns[:k], *columns[k + 1 :]), table.rows, ways[k] < 0)
+    return worn._replace(columns=(columns[k], *columns[:k], *columns[k + 1 :]), falls=ways[k] < 0)
+
+
+def _whose(table: Table, clock: str, columns: tuple[str, ...]) -> tuple[str, int]:
+    """The column that stays while the clock goes on, and how often that starts; none: "", 1."""
+    if clock not in table.names or len(columns) < 2:
+        return "", 1
+    over = np.diff(table.column(clock)) < 0
+    for name in columns if over.any() else ():
+        if np.array_equal(np.diff(table.column(name)) != 0, over):
+            return name, int(over.sum()) + 1
+    return "", 1
 
 
 def _way(values: Vector) -> int:
