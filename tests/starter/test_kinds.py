@@ -49,6 +49,11 @@ DRIVEN = {
     "time,carriage_distance_mm,push_force_N":
         "drive_force position=carriage_distance_mm force=push_force_N",
 }  # fmt: skip
+WAYS = {
+    "time_s,cmd_speed_mm_s,carriage_pos_mm": "robot1d v=cmd_speed_mm_s x=carriage_pos_mm",
+    "t;Sollgeschwindigkeit [m/s];Istposition [m]": "robot1d v=Sollgeschwindigkeit x=Istposition",
+    "time_s,speed_mm_s,carriage_pos_mm": "python",
+}  # fmt: skip
 MOVED = {
     "time,n_rpm,Q_l_min,p_mbar": "python speed=n_rpm flow=Q_l_min pressure=p_mbar",
     "Zeit [s];Drehzahl_U_min;Volumenstrom_m3_h;Foerderdruck_bar":
@@ -93,7 +98,7 @@ def columns(text: str) -> Mapping[str, str]:
     return dict(re.findall(r'^(\w+) = \{ column = "(.*?)"', text, re.MULTILINE))
 
 
-@pytest.mark.parametrize(("heading", "means"), [*{**BASES, **HEATED, **DRIVEN, **MOVED}.items()])
+@pytest.mark.parametrize(("heading", "means"), [*{**BASES, **HEATED, **DRIVEN, **WAYS, **MOVED}.items()])
 def test_what_a_heading_says_is_proposed_and_what_it_does_not_is_asked(
     heading: str, means: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -149,3 +154,24 @@ def test_what_is_written_runs_once_it_is_answered(
     with Twin.open(out) as twin:
         result = twin.run()
     assert any(np.isfinite(one.rms_after) for one in result.outputs.values()), result.headline
+
+
+@pytest.mark.parametrize(("leak", "constant"), [(0.0, 0.0), (0.02, 0.0), (0.02, 0.4)])
+def test_a_store_that_fills_or_leaks_is_told_by_the_model_that_is_written(
+    leak: float, constant: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """An integrator, a lag, and a lag about a level that is not zero: a tank, a room, a dose."""
+    rng, y, rows = np.random.default_rng(5), 20.0, list[str]()
+    flow = np.repeat(rng.uniform(-1.0, 1.0, 60), 20)
+    for t, u in enumerate(flow):
+        rows.append(f"{t},{u:.4f},{y + rng.normal(0.0, 0.02):.4f}")
+        y += 0.3 * u - leak * y + constant
+    path, out = tmp_path / "run.csv", tmp_path / "new.toml"
+    path.write_text("\n".join(["t,feed_set,content", *rows]) + "\n", encoding="utf-8")
+    write_starter([path], out, ("", None), force=False, as_json=False)
+    capsys.readouterr()
+    with Twin.open(out) as twin:
+        found = twin.fit()
+    assert found.train[0].rms < 0.05
+    told = found.fit.to_dict()["parameters"]["gain"]
+    assert told["value"] == pytest.approx(0.3, rel=0.05)

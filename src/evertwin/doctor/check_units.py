@@ -25,6 +25,8 @@ from evertwin.doctor.examination import View
 from evertwin.doctor.finding import Finding
 from evertwin.fold import Block, take
 from evertwin.gauges.misread import ANSWERED, likeliest
+from evertwin.gauges.turned import WRONG as ASKEW
+from evertwin.gauges.turned import Numbered, turned
 from evertwin.gauges.unlike import Changes
 from evertwin.models import roll
 from evertwin.models.function import kernel_of
@@ -63,7 +65,7 @@ ROWS = 3000
 """Rows that factors are tried on."""
 _Numbers: TypeAlias = Callable[[View, Callable[[Block], Block]], ParameterVector]
 JOINT, SHAFT = 60.0, 1000.0
-"""Speed [rad/s] that no joint or body turns at, whose angle is a channel, too; and no motor."""
+"""Speed [rad/s] that no joint of a static map turns at, whose angle is a channel; and no motor."""
 ROUNDS = 5
 """Times that numbers are tuned anew at a lag that was found."""
 
@@ -91,9 +93,10 @@ def look_units(view: View, figures: dict[str, Any]) -> list[Finding]:
     """Channels whose unit or sign does not fit the model."""
     window, applied = _liveliest(view), tuple[_Factor, ...]()
     at_start = changed(view, view.version.p, window).mismatch
-    found = [*_ranges(view, fits=bool((at_start <= WRONG).all())), *_exchanged(view, window)]
+    found = [*_exchanged(view, window)] or [*_turned(view, at_start)]
+    found += [] if found else _ranges(view, fits=bool((at_start <= WRONG).all()))
     figures["mismatch"] = dict(zip(view.model.outputs.names, at_start.tolist(), strict=True))
-    for _ in range(0 if "exchanged" in {one.kind for one in found} else 4):
+    for _ in range(0 if {"exchanged", "turned"} & {one.kind for one in found} else 4):
         p = _numbers(view, partial(_scaled, by=applied))
         seen = changed(view, p, _scaled(window, applied))
         before = seen.mismatch
@@ -125,6 +128,21 @@ def _exchanged(view: View, window: Block) -> Iterator[Finding]:
             "[source.channels]",
             f"exchange the columns of {' and '.join(best[0].channels)}, if that is confirmed",
             {"hypotheses": [one.channels for one in best]},
+        )  # fmt: skip
+
+
+def _turned(view: View, missed: Vector) -> Iterator[Finding]:
+    """An angle that is counted from elsewhere, which no number of the model takes up. ``missed``:
+    mismatch of each output, (ny,)."""
+    if not (missed > ASKEW).any():
+        return
+    numbers = view.version.p, tuned(view, lambda window: window, view.windows)
+    best = turned(view.setup, [Numbered(view.model, p) for p in numbers], view.windows)
+    if best:
+        yield Finding(
+            "turned", best.channel,
+            f"{best.said}: so {100 * best.share:.1f} % of the squared deviation is gone",
+            "[source.channels]", best.step(view.setup), best._asdict(),
         )  # fmt: skip
 
 
@@ -169,7 +187,8 @@ def _ranges(view: View, fits: bool) -> Iterator[Finding]:
     """Values that no machine has in the unit that is declared; ``fits``: does the model say them,
     too? Then a shaft turns as fast as it is said to."""
     spec, layouts = view.setup.spec, (view.model.inputs, view.model.outputs)
-    turning = JOINT if any(one.unit == "rad" for layout in layouts for one in layout) else SHAFT
+    joint = view.setup.static and any(one.unit == "rad" for layout in layouts for one in layout)
+    turning = JOINT if joint else SHAFT
     stated = {name: c.unit for source in spec.source for name, c in source.channels.items()}
     stated |= {one.name: "computed" for one in spec.derive}
     for layout, columns in (

@@ -188,10 +188,10 @@ def misread(
     if not len(model.initial(p)) or not windows:
         return None
     rows = sum(len(window.t) for window in windows)
-    since = rows - since_change(_deviation(setup, model, p, _newest(windows, rows)))
+    since = rows - since_change(_deviation(setup, model, p, newest_rows(windows, rows)))
     values = _recorded(windows)
     for count in (since, *(round(part * rows) for part in PARTS)):
-        newest = _newest(windows, min(count, ROWS))
+        newest = newest_rows(windows, min(count, ROWS))
         new = len(values) - min(count, ROWS)
         found, old = likeliest(setup, model, p, newest), values[:new]
         old = np.concatenate([_recorded(history), old]) if history else old
@@ -201,19 +201,19 @@ def misread(
         if not found:
             continue
         left = _off(setup, model, p, [found[0].undone(one) for one in newest])
-        if tuned is not None and _total(_off(setup, model, tuned, newest)) < 2.0 * _total(left):
+        if tuned is not None and total(_off(setup, model, tuned, newest)) < 2.0 * total(left):
             continue
         if count < min(setup.enough, ROWS):
             raise TooFew(f"{count} rows do not tell a turned sign or crossed columns from others")
         if tuned is None:  # the version held: no number of it is far off
 
             def off(one: Reading, rows: list[Block] = newest) -> Vector:
-                return _in_parts(_seen(setup, model, p, [one.undone(block) for block in rows]))
+                return _in_parts(seen(setup, model, p, [one.undone(block) for block in rows]))
 
             found = tuple(one for one in found if one.exact(off))
         if not found:
             continue
-        share = 1.0 - _total(left) / _total(_off(setup, model, p, newest))
+        share = 1.0 - total(left) / total(_off(setup, model, p, newest))
         names = found[0].channels
         return SensorChange(names[0], found[0].number, (
             f"{', or '.join(one.said for one in found)}, at the latest from "
@@ -234,25 +234,25 @@ def likeliest(
     """Readings that explain what is off, the best first, with up to two that do as well."""
     if not windows:
         return ()
-    as_recorded = _seen(setup, model, p, windows)
+    as_recorded = seen(setup, model, p, windows)
     before = as_recorded.mismatch
     if not before.max(initial=0.0) > WRONG:
         return ()
-    found, brief = [], _newest(tuple(windows), BRIEF)
+    found, brief = [], newest_rows(windows, BRIEF)
     rough = _off(setup, model, p, brief)
     shows = bool((rough > WRONG)[before > WRONG].all())  # they tell as well, and ten times faster
     for one in possible(setup, model):
-        if shows and not _total(
+        if shows and not total(
             _off(setup, model, p, [one.undone(window) for window in brief])
-        ) < HALF * _total(rough):
+        ) < HALF * total(rough):
             continue
-        undone = _seen(setup, model, p, [one.undone(window) for window in windows])
+        undone = seen(setup, model, p, [one.undone(window) for window in windows])
         after = undone.mismatch
         if np.count_nonzero(undone.known) < ANSWERED * np.count_nonzero(as_recorded.known):
             continue  # the model has no answer to what is read: that explains nothing
-        good = _total(after) < LEFT * _total(before) and after.max() < WRONG
+        good = total(after) < LEFT * total(before) and after.max() < WRONG
         if good and (after <= before + 0.1).all():
-            found.append((_total(after), one))
+            found.append((total(after), one))
     found.sort(key=lambda pair: pair[0])
     return tuple(one for left, one in found if left <= ALIKE * found[0][0])[:3]
 
@@ -347,8 +347,8 @@ def _said(names: tuple[str, ...], one: Mistake) -> str:
     return f"{shown} {look} {one.number:.4g} times what it is, as {one.said} would make it"
 
 
-def _newest(windows: Windows, rows: int) -> list[Block]:
-    """The newest rows, every measured value trusted: the arbiter judged by the reading in doubt."""
+def newest_rows(windows: Sequence[Block], rows: int) -> list[Block]:
+    """So many rows, every measured value trusted: the arbiter judged by the reading in doubt."""
     found = list[Block]()
     for window in reversed(windows):
         if rows < 2:
@@ -364,16 +364,17 @@ def _newest(windows: Windows, rows: int) -> list[Block]:
 
 def _off(setup: Setup, model: Model, p: ParameterVector, windows: Sequence[Block]) -> Vector:
     """Mismatch of each output over all windows, (ny,)."""
-    return _seen(setup, model, p, windows).mismatch
+    return seen(setup, model, p, windows).mismatch
 
 
 def _deviation(setup: Setup, model: Model, p: ParameterVector, windows: Sequence[Block]) -> Outputs:
     """Measured − predicted of all windows, (n, ny)."""
-    seen = _seen(setup, model, p, windows)
-    return wrap(seen.measured - seen.predicted, model.outputs.angles)
+    found = seen(setup, model, p, windows)
+    return wrap(found.measured - found.predicted, model.outputs.angles)
 
 
-def _seen(setup: Setup, model: Model, p: ParameterVector, windows: Sequence[Block]) -> Changes:
+def seen(setup: Setup, model: Model, p: ParameterVector, windows: Sequence[Block]) -> Changes:
+    """Changes over the horizon in all windows."""
     with np.errstate(all="ignore"):
         some = [changes(model, p, window, setup.horizon) for window in windows]
     measured, predicted = (
@@ -386,9 +387,10 @@ def _in_parts(seen: Changes) -> Vector:
     """Squared mismatch of each part of the rows, (parts,)."""
     some = np.array_split(np.arange(len(seen.measured)), PIECES)
     return np.array(
-        [_total(Changes(seen.measured[rows], seen.predicted[rows]).mismatch) for rows in some]
+        [total(Changes(seen.measured[rows], seen.predicted[rows]).mismatch) for rows in some]
     )
 
 
-def _total(off: Vector) -> float:
+def total(off: Vector) -> float:
+    """Squared mismatch of all outputs together."""
     return float(np.sum(np.square(off)))

@@ -15,6 +15,7 @@ from evertwin.gauges.constant import STEP
 from evertwin.gauges.gauge_rows import FAR, LEAST, unchanged
 from evertwin.gauges.misread import possible
 from evertwin.gauges.sensor_change import unmeasured
+from evertwin.gauges.turned import Numbered, turned
 from evertwin.setup.setup import Setup
 from evertwin.setup.task import Windows
 from evertwin.tuning import Problem
@@ -44,12 +45,15 @@ def refuted(
         windows: rows that came after it was said.
         doubt: channel, and recorded over what fits; 1: it is off by a constant, or a share.
     """
-    (name, number), model = doubt, setup.model
-    before = unchanged(pose(windows))
+    (name, number), model, whole = doubt, setup.model, pose(windows)
+    before = unchanged(whole)
     size, nu = rms(before), len(model.inputs)
     few = np.isfinite(before).any(axis=1).sum() < LEAST
     if few or number == 0.0 or not set(model.states.names) <= set(model.outputs.names):
         return False  # what is hidden is known from before alone
+    angle = turned(setup, [Numbered(whole.model, whole.full(whole.start))], windows)
+    if angle and (angle.channel, angle.number) == doubt:
+        return False
     if number == 1.0:
         k = [c.name for c in (*model.inputs, *model.outputs)].index(name)
         shares = [_constant(pose, windows, k, nu, scaled=one) for one in (False, True)]

@@ -123,6 +123,8 @@ class FitResult:
     nowhere."""
     without: Mapping[str, int] = field(default_factory=dict)
     """Input → rows to learn from that have no value of it; predictions begin anew behind them."""
+    doubt: str = ""
+    """How a channel looks read wrongly, so that the numbers are none of the machine."""
 
     def to_dict(self) -> dict[str, Json]:
         """Plain content, ``schema: "evertwin.fit/1"``."""
@@ -164,6 +166,7 @@ class FitResult:
                     "terms": self.form.terms,
                     "search": self.search,
                     "unknown": self.unknown,
+                    "doubt": self.doubt,
                 },
                 "friction_law": self.laws,
                 "friction_causes": self.causes,
@@ -209,7 +212,7 @@ class FitResult:
     def __str__(self) -> str:
         """What speaks against it, parameters, then deviations per recording."""
         doubts = [f"look at {one.source} first: {one.doubt}" for one in self.left_out if one.doubt]
-        lines = [*doubts, *filter(None, [self.unseen]), str(self.fit)]
+        lines = [*doubts, *filter(None, [self.doubt, self.unseen]), str(self.fit)]
         lines = [f"{self.failed}: these rows are left out", *lines] if self.failed else lines
         lines += [
             f"law of {output}: {law}"

@@ -17,6 +17,8 @@ import numpy as np
 from evertwin.anomaly.verdict import branch
 from evertwin.engine import Engine
 from evertwin.fold import Block, Mark
+from evertwin.gauges.read_otherwise import read_otherwise
+from evertwin.gauges.turned import Numbered
 from evertwin.ledger.versions import Versions
 from evertwin.models import Model
 from evertwin.models.failures import Failed
@@ -249,7 +251,15 @@ def fit(
         done.feed.left_out, _spoiled(model, done.tasks),
         _held(setup, model, found.p, (own, together), failed if tests else done.screened.failed),
         Failed.together([done.screened.failed, failed]), done.screened.unknown,
+        _doubt(setup, done, versions[number].p),
     )  # fmt: skip
+
+
+def _doubt(setup: Setup, done: Tuned, p: ParameterVector) -> str:
+    """What a channel was read as, by which numbers tuned from ``p`` are none of the machine."""
+    told, tuned = Numbered(done.base, p), Numbered(done.model, done.formed.fit.p)
+    found = read_otherwise(setup, told, tuned, done.tasks)
+    return f"the numbers below may be wrong: {found}" if found else ""
 
 
 def _held(

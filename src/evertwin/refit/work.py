@@ -26,6 +26,7 @@ from evertwin.gauges.misread import misread
 from evertwin.gauges.refuted import refuted
 from evertwin.gauges.silent import silent
 from evertwin.gauges.stuck import stuck
+from evertwin.gauges.turned import of_an_angle
 from evertwin.ledger.versions import Versions
 from evertwin.machines.friction.resisting import not_physical
 from evertwin.models import Model
@@ -225,7 +226,7 @@ class Work(Tuner):
             every, pose = self.editable(version), (self.setup, problem, fit)
             verdict = judged(*pose) if len(names) == len(every) else partly(names, every)
         new = verdict.kind == "abnormal" and not (commissioned or verdict.alone)
-        if new and (other := misread(*rows, fit.p)):
+        if new and (other := misread(*rows, fit.p) or of_an_angle(*rows, fit.p)):
             return of_a_sensor(other, *events) | since
         much = verdict.kind == "abnormal" or explained(fit, fit.noise) >= MUCH
         other, alike = of_a_channel(self, task, tuned, names, told=much)

@@ -283,7 +283,7 @@ class Draft:
         options = dict(self.options)
         if str(options.get("urdf", "")).endswith(".urdf"):
             options["urdf"] = os.path.relpath(Path(options["urdf"]).resolve(), here)
-        names = ("gain", "time_constant") if model is None else model.parameters.editable
+        names = ("gain", "leak", "constant") if model is None else model.parameters.editable
         layout = () if model is None else (*model.inputs, *model.outputs)
         units = {channel.name: channel.unit for channel in layout}
         return template("starter", "starter.toml.txt", column=_column).render(

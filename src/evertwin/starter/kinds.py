@@ -57,7 +57,16 @@ def kind_of(seen: Sequence[Seen]) -> str:
     axes = by_axis(seen)
     if len(axes) <= _AXES and all(_is_driven(part) for _, part in axes):
         return "drive_force"
-    return "python"
+    return "robot1d" if _goes(columns) else "python"
+
+
+def _goes(columns: Sequence[ColumnInfo]) -> bool:
+    """Is there one speed that is told, and one place that goes by it?"""
+    if len(columns) != len(("speed", "place")):
+        return False
+    told = [c for c in columns if role(words(c.name)) == "command" and same_kind(c.unit, "m/s")]
+    places = [c for c in columns if role(words(c.name)) != "command" and same_kind(c.unit, "m")]
+    return len(told) == len(places) == 1
 
 
 def _base(seen: Sequence[Seen]) -> str:
