@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from importlib.resources import files as resources
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +28,7 @@ from evertwin.starter import (
     look,
     mapped,
     options_of,
+    own_model,
     pump,
     pump_model,
 )
@@ -110,8 +110,7 @@ def _write(draft: Draft, force: bool) -> dict[str, Any]:
     out, own = draft.out, _own(draft.out)
     write_whole(out, draft.text())
     if draft.model is None and (force or not own.exists()):
-        template = resources("evertwin.starter").joinpath("templates", "model.py.txt")
-        write_whole(own, template.read_text("utf-8"))
+        write_whole(own, own_model(draft.proposal.matches))
     if not draft.questions:  # else the file holds a question, which no reader takes
         model_of(read(out))
     return {

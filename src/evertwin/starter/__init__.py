@@ -11,11 +11,11 @@ if TYPE_CHECKING:
     from evertwin.starter.draft import Draft as Draft
     from evertwin.starter.kinds import PUMP as PUMP, kind_of as kind_of, pump as pump
     from evertwin.starter.mapping import mapped as mapped
+    from evertwin.starter.model_file import own_model as own_model, pump_model as pump_model
     from evertwin.starter.options import answered as answered, options_of as options_of
     from evertwin.starter.proposal import (
         Derivation as Derivation, Match as Match, Proposal as Proposal,
     )  # fmt: skip
-    from evertwin.starter.pump_file import pump_model as pump_model
     from evertwin.starter.seen import Seen as Seen, look as look
 
 __getattr__ = surface(__name__)
