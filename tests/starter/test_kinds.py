@@ -98,7 +98,9 @@ def columns(text: str) -> Mapping[str, str]:
     return dict(re.findall(r'^(\w+) = \{ column = "(.*?)"', text, re.MULTILINE))
 
 
-@pytest.mark.parametrize(("heading", "means"), [*{**BASES, **HEATED, **DRIVEN, **WAYS, **MOVED}.items()])
+@pytest.mark.parametrize(
+    ("heading", "means"), [*{**BASES, **HEATED, **DRIVEN, **WAYS, **MOVED}.items()]
+)
 def test_what_a_heading_says_is_proposed_and_what_it_does_not_is_asked(
     heading: str, means: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

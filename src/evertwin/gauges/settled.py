@@ -8,6 +8,10 @@ from evertwin.models.corrected import Corrected
 from evertwin.tuning import Fit, Problem, solve, told_apart
 
 
+CLEARLY = 1.2
+"""Times the deviation that noise may leave more, of a number that the rows do not tell."""
+
+
 def settled(problem: Problem) -> Fit:
     """The fit; where it would move what no row tells, one without these numbers.
 
@@ -29,9 +33,17 @@ def settled(problem: Problem) -> Fit:
         (_untouched(fit), "no row tells them"),
     ):
         if stays:
-            fit = solve(problem.tuning(tuple(n for n in fit.names if n not in stays)))
-            return replace(fit, message=f"{fit.message}; {', '.join(stays)} as before: {why}")
+            found = solve(problem.tuning(tuple(n for n in fit.names if n not in stays)))
+            if _worse(fit, found):  # where they were, the rows tell them
+                return fit
+            return replace(found, message=f"{found.message}; {', '.join(stays)} as before: {why}")
     return fit
+
+
+def _worse(fit: Fit, found: Fit) -> bool:
+    """Does an output fit clearly worse by ``found``?"""
+    pairs = zip(fit.residuals, found.residuals, strict=True)
+    return any(b.rms_after > CLEARLY * a.rms_after for a, b in pairs)
 
 
 def _superseded(problem: Problem, fit: Fit) -> tuple[str, ...]:
