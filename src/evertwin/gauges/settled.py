@@ -7,7 +7,6 @@ from dataclasses import replace
 from evertwin.models.corrected import Corrected
 from evertwin.tuning import Fit, Problem, solve, told_apart
 
-
 CLEARLY = 1.2
 """Times the deviation that noise may leave more, of a number that the rows do not tell."""
 
