@@ -235,6 +235,7 @@ def fit(
         (named(item), done.judged(seen.rows)) for item, seen in zip(items, screens, strict=True)
     ]
     failed = Failed.together(seen.failed for seen in screens)
+    found = _open(found, [one.source for one in done.feed.left_out if one.doubt])
     together = [prediction for _, one in tests for prediction in one.predictions]
     rule = setup.spec.filter
     own = done.judged(done.tasks, own=False).predictions
@@ -250,6 +251,16 @@ def fit(
         _held(setup, model, found.p, (own, together), failed if tests else done.screened.failed),
         Failed.together([done.screened.failed, failed]), done.screened.unknown,
     )  # fmt: skip
+
+
+def _open(fit: Fit, doubted: Sequence[str]) -> Fit:
+    """The fit; of rows whose times may be in another unit it tells no number until that is known."""
+    if not doubted:
+        return fit
+    why = f"told once the question about {' and '.join(doubted)} is answered"
+    words = tuple("weak" if word == "identifiable" else word for word in fit.verdict)
+    reasons = tuple("; ".join(filter(None, (why, reason))) for reason in fit.reasons)
+    return replace(fit, verdict=words, reasons=reasons)
 
 
 def _held(

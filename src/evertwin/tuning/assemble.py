@@ -24,7 +24,7 @@ from evertwin.tuning.adopted_noise import by_noise
 from evertwin.tuning.advice import advise
 from evertwin.tuning.autocorrelation import Correlation, effective
 from evertwin.tuning.closed import dense, summed
-from evertwin.tuning.doubted import doubted, strays
+from evertwin.tuning.doubted import beyond, doubted, misled, on_bounds, strays
 from evertwin.tuning.fit import Fit, Residual
 from evertwin.tuning.gram import combined
 from evertwin.tuning.identifiability import gate, grade
@@ -172,7 +172,11 @@ def assemble(problem: Problem, outcome: Outcome, acting: Sensitivity, began: flo
     half = quantile * np.sqrt(covariance.diagonal())
     astray = strays(problem.model, left.relative)
     values = outcome.values
-    verdicts, reasons = doubted(problem, values, half, grade(refused, half / sizes), astray)
+    why = misled(problem, values, acting, left.rows, astray)
+    verdicts, reasons = doubted(problem, values, half, grade(refused, half / sizes), why)
+    few = beyond(problem, acting, left.rows) < 1.0
+    half[few], covariance[few, few] = np.inf, np.inf
+    verdicts, bounds = on_bounds(problem, values, outcome.at_bound, verdicts)
     if "not" in verdicts:
         free = np.array([verdict != "not" for verdict in verdicts])
         wide = ~free & np.array([not reason for reason in refused])
@@ -192,7 +196,7 @@ def assemble(problem: Problem, outcome: Outcome, acting: Sensitivity, began: flo
         interval95=np.array([values - half, values + half]).T,
         covariance=covariance,
         verdict=verdicts,
-        reasons=_reasons(problem, reasons, outcome.at_bound),
+        reasons=_reasons(problem, reasons, bounds),
         p=problem.full(values)[: len(problem.model.parameters)],
         cost=0.5 * float((left.left / sigma / sigma).sum()),
         outputs=problem.model.outputs.names,
@@ -277,15 +281,15 @@ def _within(
 
 
 def _reasons(
-    problem: Problem, reasons: tuple[str, ...], at_bound: tuple[str, ...]
+    problem: Problem, reasons: tuple[str, ...], bounds: tuple[str, ...]
 ) -> tuple[str, ...]:
     """Why each parameter is weak or not identifiable, and what would help."""
-    if not (any(reasons) or at_bound):
+    if not (any(reasons) or any(bounds)):
         return reasons
     names, out = problem.names, []
     cures: dict[str, str] = {}
-    for name, reason in zip(names, reasons, strict=True):
-        parts = [reason, "ended on its bound" if name in at_bound else ""]
+    for reason, bound in zip(reasons, bounds, strict=True):
+        parts = [reason, bound]
         if "collinear" in reason or "not excited" in reason:
             if reason not in cures:
                 same = [n for n, r in zip(names, reasons, strict=True) if r == reason]
