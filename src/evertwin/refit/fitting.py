@@ -254,7 +254,7 @@ def fit(
 
 
 def _open(fit: Fit, doubted: Sequence[str]) -> Fit:
-    """The fit; of rows whose times may be in another unit it tells no number until that is known."""
+    """The fit; rows whose times may be in another unit tell no number before that is known."""
     if not doubted:
         return fit
     why = f"told once the question about {' and '.join(doubted)} is answered"

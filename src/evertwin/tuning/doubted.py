@@ -38,8 +38,8 @@ def misled(
     problem: Problem, values: Vector, acting: Sensitivity, rows: PerOutput, astray: str
 ) -> tuple[str, ...]:
     """Why the rows mislead about each parameter, (k,); empty texts where nothing says so: the model
-    goes ``astray``, does not follow an output that it acts on, or no value is left beyond those that
-    the numbers take.
+    goes ``astray``, does not follow an output that it acts on, or no value is left beyond those
+    that the numbers take.
 
     Args:
         values: of the tuned parameters, (k,).

@@ -54,7 +54,8 @@ def missed(problem: Problem, values: Vector) -> PerOutput:
             return np.zeros(len(left))
         rest = np.where(astray, left, np.maximum(left - _by_noise(problem, values, r), 0.0))
         share = np.sqrt(rest / np.where(simple > 0.0, simple, np.nan))
-    return np.where(some & (alike | astray) & (rest > 0.0), np.nan_to_num(share, nan=np.inf), 0.0)
+    on = some & (alike | astray) & (rest > 0.0)
+    return np.asarray(np.where(on, np.nan_to_num(share, nan=np.inf), 0.0))
 
 
 def _by_noise(problem: Problem, values: Vector, r: Outputs) -> PerOutput:
@@ -67,7 +68,7 @@ def _by_noise(problem: Problem, values: Vector, r: Outputs) -> PerOutput:
             total = total + np.nan_to_num(
                 _mean_square(np.where(problem.rows.used, change, np.nan)), posinf=0.0
             )
-    return total
+    return np.asarray(total)
 
 
 def _simplest(problem: Problem) -> PerOutput:
@@ -83,7 +84,9 @@ def _simplest(problem: Problem) -> PerOutput:
     known = np.isfinite(adopts) | (problem.restart.code == ANEW)[:, None]
     last = np.maximum.accumulate(np.where(known, rows, 0), axis=0)
     begun = np.take_along_axis(adopts, np.vstack([last[:1], last[:-1]]), axis=0)
-    return np.fmin(about, _mean_square(wrap(y - begun, angles)))
+    stays = wrap(y - begun, angles)
+    known = np.isfinite(stays).any(axis=0)
+    return np.asarray(np.where(known, np.fmin(about, _mean_square(stays)), about))
 
 
 def _mean_square(values: Outputs) -> PerOutput:

@@ -71,7 +71,9 @@ def _less(problem: Problem, values: Vector, other: Vector) -> Vector:
     if not np.isfinite(after[on]).all() or not on.any():
         return values
     # an infinite residual is left behind by any other
-    return found if np.mean(np.where(np.isfinite(before), after / before, 0.0)[on]) < LESS else values
+    return (
+        found if np.mean(np.where(np.isfinite(before), after / before, 0.0)[on]) < LESS else values
+    )
 
 
 def _grown(problem: Problem, values: Vector) -> Vector:

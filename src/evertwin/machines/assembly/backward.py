@@ -111,7 +111,7 @@ def step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) ->
     _motion(context, u, bus)
     if context[slot.NB] > 0:
         there, given, after = address(x), address(p), address(ahead)
-        failed = run_boxes(context, there, u, dt, given, after, bus)
+        failed = int(run_boxes(context, there, u, dt, given, after, bus))
         if failed != 0:
             return failed
     row(context, x, u, p, bus)

@@ -173,7 +173,8 @@ def step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) ->
             for i in range(nx):
                 boxed[i] = now[i]
             given = address(p)
-            failed = run_boxes(context, now.ctypes.data, u, h, given, boxed.ctypes.data, bus)
+            at, after = now.ctypes.data, boxed.ctypes.data
+            failed = int(run_boxes(context, at, u, h, given, after, bus))
             if failed != 0:
                 return failed
         if context[slot.DRY] == 1:
