@@ -147,7 +147,9 @@ def test_nan_is_told_with_its_place(step: Callable[..., Any], rows: dict[str, An
     found = twin.fit(rows)
     why = "the model's step gives no number (NaN) for x (test_users_model.py:"
     zero = "the model's step raised ZeroDivisionError: float division by zero (test_users_model.py:"
-    assert str(found).startswith((why, zero)) and "on 130 of 399 rows, first at row 41" in str(found)
+    assert str(found).startswith((why, zero)) and "on 130 of 399 rows, first at row 41" in str(
+        found
+    )
     assert found.fit["gain"] == pytest.approx(1.3, abs=0.005)
 
 

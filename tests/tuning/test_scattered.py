@@ -1,4 +1,4 @@
-"""Starts that are far off: the rough search over the bounds finds what a step from there does not."""
+"""Starts that are far off: a rough search over the bounds finds what no step from there does."""
 
 from __future__ import annotations
 
@@ -35,7 +35,9 @@ def tanks(x: Any, u: Any, dt: float, p: Any) -> Any:
     return [upper, lower], [upper, lower]
 
 
-def driven(model: FunctionModel, true: dict[str, float], seed: int, input_: tuple[float, float]) -> Any:
+def driven(
+    model: FunctionModel, true: dict[str, float], seed: int, input_: tuple[float, float]
+) -> Any:
     """(twin from 25 times off, each number up or down, within 25 times; 1,000 rows, the truth)."""
     rng = np.random.default_rng([3, seed])
     start = {name: v * 25.0 ** rng.choice([-1, 1]) for name, v in true.items()}

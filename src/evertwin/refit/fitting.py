@@ -49,6 +49,7 @@ from evertwin.tuning.hidden_starts import begun
 from evertwin.tuning.interrupt import Interrupt
 from evertwin.tuning.least_trimmed import trimmed
 from evertwin.tuning.minima import lowest
+from evertwin.tuning.step_length import stepped
 from evertwin.tuning.tangent import leaning, searched, told
 from evertwin.types import ParameterVector
 
@@ -153,7 +154,7 @@ def _sure(setup: Setup, formed: Formed) -> Fit:
         names = tuple(name for name, on in zip(fit.names, free, strict=True) if on)
         problem = leaning(problem.tuning(names), fit.p, within)
         near = solve(problem)
-    sure = repeated(problem, carried(problem, near))
+    sure = stepped(problem, repeated(problem, carried(problem, near)))
     sure = moved(problem, sure, joined(formed.problem))
     return told(fit, sure, formed.problem.parameters) if near is not fit else sure
 
