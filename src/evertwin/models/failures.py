@@ -110,7 +110,8 @@ def check_numbers(step: Any, before: Sequence[Any], given: Sequence[tuple[Layout
     lost = [one.name for of, values in given for one, v in zip(of, values, strict=True) if v != v]
     if lost and all((np.abs(values) < HUGE).all() for values in before):
         names = ", ".join(dict.fromkeys(lost))
-        raise ModelError(f"the model's step gives no number (NaN) for {names}{_place(step)}")
+        said = f"the model's step gives no number (NaN) for {names}{_place(step)}"
+        raise ModelError(said) from FloatingPointError("no number")  # of this row, no mistake
 
 
 def _place(step: Any, frames: Sequence[traceback.FrameSummary] = ()) -> str:
