@@ -26,7 +26,7 @@ import scipy
 
 from evertwin.fold import take
 from evertwin.tuning.assemble import rms
-from evertwin.tuning.nonlinear import Objective, search
+from evertwin.tuning.nonlinear import STOPPED, Objective, search
 from evertwin.tuning.problem import Problem
 from evertwin.tuning.settings import Settings
 from evertwin.types import Bools, Vector
@@ -85,12 +85,12 @@ def scattered(
     for round_ in range(ROUNDS):
         places = _places(problem, own, round_)
         order = np.argsort(_left(some, places), kind="stable")[:KEPT].tolist()
-        ends = [search(Logarithmic(some, rough, places[k]), "scattered").values for k in order]
+        found = [search(Logarithmic(some, rough, places[k]), "scattered") for k in order]
+        ends = [one.values for one in found]
         for end, left in zip(ends, _left(some, ends), strict=True):
             if left < best_left:
                 best, best_left = end, left
-        stopped = problem.settings.progress is not None and not problem.settings.progress(0, 0.0)
-        if enough(some, best) or stopped:
+        if enough(some, best) or any(one.message.startswith(STOPPED) for one in found):
             break
     return best
 
