@@ -61,6 +61,19 @@ def sometimes_plain(x: Any, u: Any, dt: float, p: Any, end: float = 0.7) -> Any:
     return [y], [y]
 
 
+def no_number(x: Any, u: Any, dt: float, p: Any) -> Any:
+    above = max(u[0] - 0.7, 0.0)
+    y = x[0] + dt * p[0] * u[0] * (1.0 if u[0] <= 0.7 else (above - above) / (above - above))
+    return [y], [y]
+
+
+def no_number_plain(x: Any, u: Any, dt: float, p: Any, end: float = 0.7) -> Any:
+    above = np.maximum(u[0] - end, 0.0)
+    with np.errstate(invalid="ignore"):
+        y = x[0] + dt * p[0] * u[0] * (1.0 if u[0] <= end else (above - above) / (above - above))
+    return [y], [y]
+
+
 def drawing(x: Any, u: Any, dt: float, p: Any) -> Any:
     y = x[0] + dt * p[0] * u[0] + NOISE.normal(0, 1e-3)
     return [y], [y]
@@ -124,6 +137,50 @@ def test_rows_that_fail_are_left_out_and_counted(
         assert (failed["rows"], failed["of"], failed["first"]) == (130, 399, 41)
         assert failed["reason"].startswith(why)
     assert told.findings[0].kind == "model_failed"
+
+
+@pytest.mark.parametrize("step", [no_number, no_number_plain])
+def test_nan_is_told_with_its_place(step: Callable[..., Any], rows: dict[str, Any]) -> None:
+    """0/0 was "the simulation diverged at the start values"."""
+    twin = twin_of(step)
+    assert isinstance(twin.model, Translated) == (step is no_number)
+    found = twin.fit(rows)
+    why = "the model's step gives no number (NaN) for x (test_users_model.py:"
+    zero = "the model's step raised ZeroDivisionError: float division by zero (test_users_model.py:"
+    assert str(found).startswith((why, zero)) and "on 130 of 399 rows, first at row 41" in str(
+        found
+    )
+    assert found.fit["gain"] == pytest.approx(1.3, abs=0.005)
+
+
+def test_what_a_box_of_an_assembly_raises_is_told(tmp_path: Path) -> None:
+    (tmp_path / "drag.py").write_text(
+        "from evertwin import FunctionModel, Layout, Parameters\n"
+        "def step(x, u, dt, p):\n"
+        "    if u[0] > 0.12:\n        raise ValueError('the table ends at 0.12')\n"
+        "    return [], [p[0] * u[0]]\n"
+        "model = FunctionModel(step, Layout.of(v='m/s'), Layout.of(drag='N'),\n"
+        "    parameters=Parameters.of(Fv=(100.0, 'Ns/m')))\n"
+    )
+    inner = {"kind": "python", "options": {"file": str(tmp_path / "drag.py")}}
+    box = {"name": "drag", "kind": "black_box", "axis": 1, "inputs": {"v": "speed"}}
+    mass = {"name": "table", "kind": "mass", "axis": 1, "mass": 20.0}
+    options = {"reading": "forward", "components": [box | {"model": inner}, mass]}
+    model = catalog.machine("assembly", options)
+    force, x, y = 20.0 * np.sin(2.0 * 0.01 * np.arange(600)), np.zeros(2), np.zeros((600, 2))
+    for k in range(1, 600):
+        speed = x[1] + 0.01 * (force[k] - 100.0 * x[1]) / 20.0
+        x = np.array([x[0] + 0.01 * speed, speed])
+        y[k] = x + np.random.default_rng(k).normal(0.0, 1e-4, 2)
+    spec_ = TwinSpec(
+        "axis", spec.ModelSpec("assembly", options), prediction=spec.PredictionSpec(horizon=0.5)
+    )
+    rows = {"t": 0.01 * np.arange(600), model.inputs.names[0]: force}
+    rows |= dict(zip(model.outputs.names, y.T, strict=True))
+    twin = Twin(spec_, model)
+    why = "the model's step raised ValueError: the table ends at 0.12 (drag.py:4)"
+    assert str(twin.fit(rows)).startswith(why)
+    assert twin.run(rows).headline.startswith(why.replace("the", "The", 1))
 
 
 def test_rows_that_fail_are_told_alike_however_they_come(rows: dict[str, Any]) -> None:

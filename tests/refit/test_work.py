@@ -69,7 +69,7 @@ def test_a_correction_is_looked_for_beside_the_tuned_numbers_too() -> None:
     effect = found["gain"] * (found["law.v.gain"] * 1.8 + found["law.v.offset"])
     assert found["gain"] < 0.5
     told = content["candidate"]["reason"], content["fit"]["parameters"]
-    assert told[0].startswith("tuned gain; v: ") and "gain" in told[1]
+    assert told[0].startswith("tuned gain (weak); v: ") and "gain" in told[1]
     assert effect == pytest.approx(0.13, abs=0.003)
 
 

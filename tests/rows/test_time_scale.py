@@ -89,3 +89,18 @@ def test_fit_run_and_doctor_say_so_first() -> None:
     assert any(said in one.reason for one in found.findings)
     with Twin(replace(SPEC, prediction=PredictionSpec(horizon=100.0))) as twin:
         assert not twin.run(log()).left_out
+
+
+def test_no_number_is_identifiable_before_the_question_is_answered() -> None:
+    for ms in (True, False):
+        rows = log() if ms else log().assign(t=log().t / 1000.0)
+        with Twin(SPEC) as twin:
+            found = twin.fit(rows)
+            told = twin.run(rows).to_dict()["parameters"]
+        assert ("identifiable" in found.fit.verdict) is not ms, str(found)
+        if ms:
+            assert "told once the question about columns is answered" in found.fit.reasons[0]
+            assert str(found).startswith("look at columns first: rows come every 20 s")
+        assert isinstance(told, dict)
+        words = {one["verdict"] for one in told.values() if isinstance(one, dict)}
+        assert "identifiable" not in words or not ms

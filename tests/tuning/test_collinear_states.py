@@ -34,6 +34,8 @@ def test_of_a_scale_one_number_is_told_with_the_others(seed: int) -> None:
         y=(y + rng.normal(0.0, 0.01, 800))[:, None],
     )  # fmt: skip
     fit = settled(Problem(model, (rows,), horizon=2.0))
-    assert len(fit.identifiable) == 2 and np.count_nonzero(fit.values == fit.start) == 1
+    assert sorted(fit.verdict) == ["not", "weak", "weak"]
+    assert sum("only both together are told" in reason for reason in fit.reasons) == 2
+    assert np.count_nonzero(fit.values == fit.start) == 1
     assert abs(fit["gain"] / fit["mass"] - 0.4) < 0.01
     assert abs(fit["rubs"] / fit["mass"] - 0.25) < 0.02

@@ -4,8 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from evertwin.models.corrected import Corrected
 from evertwin.tuning import Fit, Problem, solve, told_apart
+from evertwin.tuning.collinear import leaning_on
+from evertwin.tuning.identifiability import WEAK
+
+NOT_TOLD = "no row tells them"
 
 CLEARLY = 1.2
 """Times the deviation that noise may leave more, of a number that the rows do not tell."""
@@ -29,12 +35,14 @@ def settled(problem: Problem) -> Fit:
         fit = told_apart(problem, fit)
     for stays, why in (
         (_superseded(problem, fit), "the correction tells the same"),
-        (_untouched(fit), "no row tells them"),
+        (_untouched(fit), NOT_TOLD),
     ):
         if stays:
             found = solve(problem.tuning(tuple(n for n in fit.names if n not in stays)))
             if _worse(fit, found):  # where they were, the rows tell them
                 return fit
+            if why is NOT_TOLD:
+                found = leaning_on(problem, fit, found, stays)
             return replace(found, message=f"{found.message}; {', '.join(stays)} as before: {why}")
     return fit
 
@@ -57,6 +65,6 @@ def _superseded(problem: Problem, fit: Fit) -> tuple[str, ...]:
 
 def _untouched(fit: Fit) -> tuple[str, ...]:
     """Numbers that noise drove to a bound; what ends at zero is an effect that is not there."""
-    told = dict(zip(fit.names, fit.verdict, strict=True))
-    loose = tuple(n for n in fit.at_bound if told[n] != "identifiable" and fit[n] != 0.0)
+    half = dict(zip(fit.names, (np.diff(fit.interval95)[:, 0] / 2.0).tolist(), strict=True))
+    loose = tuple(n for n in fit.at_bound if half[n] > WEAK * abs(fit[n]) and fit[n] != 0.0)
     return loose if len(loose) < len(fit.names) else ()

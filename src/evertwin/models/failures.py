@@ -17,7 +17,7 @@ the model's step raised ValueError: the table ends at 0.7
 from __future__ import annotations
 
 import traceback
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -29,6 +29,8 @@ from evertwin.types import Json, Vector
 
 MOST = 6
 """Inputs of a row that are named."""
+HUGE = 1e100
+"""State from which on a simulation has run away: what follows from it says nothing of the step."""
 
 
 class Failures(NamedTuple):
@@ -89,16 +91,37 @@ def failures_in(kept: Any) -> Iterator[Failures]:
 
 def raised(step: Any, error: Exception) -> ModelError:
     """The error that says what a user's step raised, with the line of its file."""
+    frames = traceback.extract_tb(error.__traceback__)
+    said = str(error).partition("\n")[0]
+    told = f"{type(error).__name__}{': ' * bool(said)}{said}"
+    return ModelError(f"the model's step raised {told}{_place(step, frames)}")
+
+
+def check_numbers(step: Any, before: Sequence[Any], given: Sequence[tuple[Layout, Any]]) -> None:
+    """Does a step give numbers, from numbers of which none has run away?
+
+    Args:
+        before: states, inputs and parameters of the row.
+        given: what follows from them, with its names.
+
+    Raises:
+        ModelError: it gives NaN; names for what, with the file of the step.
+    """
+    lost = [one.name for of, values in given for one, v in zip(of, values, strict=True) if v != v]
+    if lost and all((np.abs(values) < HUGE).all() for values in before):
+        names = ", ".join(dict.fromkeys(lost))
+        said = f"the model's step gives no number (NaN) for {names}{_place(step)}"
+        raise ModelError(said) from FloatingPointError("no number")  # of this row, no mistake
+
+
+def _place(step: Any, frames: Sequence[traceback.FrameSummary] = ()) -> str:
+    """File and line of a step, or of the last of the frames in it."""
     function = getattr(step, "func", step)
     code = getattr(function, "__code__", None) or getattr(type(function).__call__, "__code__", None)
     file = "" if code is None else code.co_filename
-    frames = [one for one in traceback.extract_tb(error.__traceback__) if one.filename == file]
-    line = frames[-1].lineno if frames else getattr(code, "co_firstlineno", 0)
-    place = f" ({file.rsplit('/', 1)[-1]}:{line})" if file else ""
-    said = str(error).partition("\n")[0]
-    return ModelError(
-        f"the model's step raised {type(error).__name__}{': ' * bool(said)}{said}{place}"
-    )
+    inside = [one for one in frames if one.filename == file]
+    line = inside[-1].lineno if inside else getattr(code, "co_firstlineno", 0)
+    return f" ({file.rsplit('/', 1)[-1]}:{line})" if file else ""
 
 
 def at_inputs(error: Exception, inputs: Layout, u: Vector) -> str:

@@ -39,7 +39,7 @@ import numpy as np
 
 from evertwin.errors import ModelError, UsageError
 from evertwin.models.contract import Model
-from evertwin.models.failures import Failures, at_inputs, raised
+from evertwin.models.failures import Failures, at_inputs, check_numbers, raised
 from evertwin.models.kernel import RAISED, Kernel
 from evertwin.models.parameters import Parameters
 from evertwin.signals.channels import Layout
@@ -129,8 +129,8 @@ class FunctionModel:
         """State after one row, and its outputs.
 
         Raises:
-            ModelError: the function raised something, or gave another number of states or outputs
-                than declared.
+            ModelError: the function raised something, or gave NaN, or another number of states or
+                outputs than declared.
         """
         try:
             given: Any = self.step(self.states.to_stated(x), self.inputs.to_stated(u), dt, p)
@@ -149,6 +149,7 @@ class FunctionModel:
                 f"step: expected {wanted[0]} states and {wanted[1]} outputs, "
                 f"got {_size(ahead)} and {_size(y)}"
             )
+        check_numbers(self.step, (x, u, p), ((self.states, ahead), (self.outputs, y)))
         return self.states.from_stated(ahead), self.outputs.from_stated(y)
 
     def observe(self, x: StateVector, y: Float64[np.ndarray, " ny"]) -> StateVector:

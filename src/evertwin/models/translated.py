@@ -41,7 +41,7 @@ import numpy as np
 from evertwin.compiled.functions import OBSERVE, STEP, CFunction, Function
 from evertwin.compiled.stamp import names_of
 from evertwin.errors import ModelError, UsageError, naming
-from evertwin.models.failures import Failures, at_inputs
+from evertwin.models.failures import HUGE, Failures, at_inputs
 from evertwin.models.function import FunctionModel
 from evertwin.models.kernel import RAISED, Kernel, Restart
 from evertwin.models.rollout import roll
@@ -253,6 +253,7 @@ def _step_source(model: FunctionModel) -> str:
     si = [_unless_si(model.states, i, "{0} * {1} + {2}", one) for i, one in enumerate(given[:nx])]
     si += [_unless_si(model.outputs, i, "{0} * {1} + {2}", one) for i, one in enumerate(given[nx:])]
     finite = " and ".join(f"math.isfinite({value})" for value in given) or "True"
+    lost = " or ".join(f"{value} != {value}" for value in given) or "False"
     lines = [f"        {value} = {one}" for value, one in zip(values, si, strict=True)]
     stated = "({0} - {2}) / {1}"
     taken = {
@@ -261,6 +262,7 @@ def _step_source(model: FunctionModel) -> str:
         "p": [f"p[{i}]" for i in range(n_p)],
     }
     row = [f"{name}[{i}]" for name in "xup" for i in range(len(taken[name]))]
+    sound = " and ".join(f"abs({one}) < {HUGE}" for one in row) or "True"
     return "\n".join([
         "def compiled_step(context, x, u, dt, p, ahead, y):",
         *[f"    {name}_ = np.array([{', '.join(of)}], dtype=np.float64)" if of
@@ -273,6 +275,8 @@ def _step_source(model: FunctionModel) -> str:
         f"            if {finite}:",
         "                failed = 0",
         *["        " + line for line in lines],
+        f"            elif ({lost}) and {sound}:",
+        f"                failed = {RAISED}",
         "    except Exception:",
         f"        failed = {RAISED}",
         f"    if failed == {RAISED} and context[0] == 0:",

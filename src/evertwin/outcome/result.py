@@ -185,11 +185,14 @@ class RunResult:
         item, known = self.parameters[name], self.knowledge.get(name, {})
         # an interval belongs to the value it was found with: a fit that was not adopted has none
         mine = known.get("value") == item.value
+        verdict = known.get("verdict", "not tuned")
+        if verdict == "identifiable" and any(tally.doubt for tally in self.left_out):
+            verdict = "weak"  # its rows' times may be in another unit
         return {
             "value": item.value,
             "unit": item.unit,
             "interval95": interval(known.get("interval95")) if mine else None,
-            "verdict": known.get("verdict", "not tuned"),
+            "verdict": verdict,
         }
 
     def model_of(self, version: Version) -> Model:

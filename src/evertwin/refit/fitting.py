@@ -51,6 +51,7 @@ from evertwin.tuning.hidden_starts import begun
 from evertwin.tuning.interrupt import Interrupt
 from evertwin.tuning.least_trimmed import trimmed
 from evertwin.tuning.minima import lowest
+from evertwin.tuning.step_length import stepped
 from evertwin.tuning.tangent import leaning, searched, told
 from evertwin.types import ParameterVector
 
@@ -155,7 +156,7 @@ def _sure(setup: Setup, formed: Formed) -> Fit:
         names = tuple(name for name, on in zip(fit.names, free, strict=True) if on)
         problem = leaning(problem.tuning(names), fit.p, within)
         near = solve(problem)
-    sure = repeated(problem, carried(problem, near))
+    sure = stepped(problem, repeated(problem, carried(problem, near)))
     sure = moved(problem, sure, joined(formed.problem))
     return told(fit, sure, formed.problem.parameters) if near is not fit else sure
 
@@ -237,6 +238,9 @@ def fit(
         (named(item), done.judged(seen.rows)) for item, seen in zip(items, screens, strict=True)
     ]
     failed = Failed.together(seen.failed for seen in screens)
+    doubt = _doubt(setup, done, versions[number].p)
+    asked = [f"of {one.source}" for one in done.feed.left_out if one.doubt]
+    found = _open(found, [*asked, *["of what was read"] * bool(doubt)])
     together = [prediction for _, one in tests for prediction in one.predictions]
     rule = setup.spec.filter
     own = done.judged(done.tasks, own=False).predictions
@@ -251,7 +255,7 @@ def fit(
         done.feed.left_out, _spoiled(model, done.tasks),
         _held(setup, model, found.p, (own, together), failed if tests else done.screened.failed),
         Failed.together([done.screened.failed, failed]), done.screened.unknown,
-        _doubt(setup, done, versions[number].p),
+        doubt,
     )  # fmt: skip
 
 
@@ -260,6 +264,16 @@ def _doubt(setup: Setup, done: Tuned, p: ParameterVector) -> str:
     told, tuned = Numbered(done.base, p), Numbered(done.model, done.formed.fit.p)
     found = read_otherwise(setup, told, tuned, done.tasks)
     return f"the numbers below may be wrong: {found}" if found else ""
+
+
+def _open(fit: Fit, doubted: Sequence[str]) -> Fit:
+    """The fit; rows that may have been read wrongly tell no number before that is known."""
+    if not doubted:
+        return fit
+    why = f"told once the question {' and '.join(doubted)} is answered"
+    words = tuple("weak" if word == "identifiable" else word for word in fit.verdict)
+    reasons = tuple("; ".join(filter(None, (why, reason))) for reason in fit.reasons)
+    return replace(fit, verdict=words, reasons=reasons)
 
 
 def _held(

@@ -13,6 +13,7 @@ for filtered or coloured residuals it is larger. Degrees of freedom count effect
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -24,7 +25,7 @@ from evertwin.tuning.adopted_noise import by_noise
 from evertwin.tuning.advice import advise
 from evertwin.tuning.autocorrelation import Correlation, effective
 from evertwin.tuning.closed import dense, summed
-from evertwin.tuning.doubted import doubted, strays
+from evertwin.tuning.doubted import beyond, doubted, misled, on_bounds, strays
 from evertwin.tuning.fit import Fit, Residual
 from evertwin.tuning.gram import combined
 from evertwin.tuning.identifiability import gate, grade
@@ -34,7 +35,7 @@ from evertwin.tuning.sensitivity import Sensitivity, Spectrum
 from evertwin.tuning.statistics import depends, spread, whiteness
 from evertwin.tuning.statistics_loop import LONG, propagated, tally
 from evertwin.tuning.valleys import bends, valley
-from evertwin.types import Float64, Outputs, PerOutput, Vector
+from evertwin.types import Bools, Float64, Outputs, PerOutput, Vector
 
 
 class Outcome(NamedTuple):
@@ -151,15 +152,14 @@ def assemble(problem: Problem, outcome: Outcome, acting: Sensitivity, began: flo
         acting: sensitivity at the outcome.
         began: `time.perf_counter` at the start.
     """
-    start, held = problem.start, outcome.held
+    start, held, values = problem.start, outcome.held, outcome.values
     before = squares(problem, problem.first)
     left = squares(problem, problem.residuals(outcome.values))
     sigma = noise_of(problem, left, acting.paid)
     sizes = sizes_of(problem, acting, outcome.values)
     stateful = len(problem.model.states) > 0
     judged = gate(acting, sigma, problem.names, sizes, left.r if stateful else None)
-    before_and_now = zip(held or judged.reasons, judged.reasons, strict=True)
-    refused = [was or reason for was, reason in before_and_now]
+    refused = [was or now for was, now in zip(held or judged.reasons, judged.reasons, strict=True)]
     if any(held):
         acting = acting.without(np.array([bool(reason) for reason in held]))
     spectrum = judged.spectrum
@@ -171,8 +171,9 @@ def assemble(problem: Problem, outcome: Outcome, acting: Sensitivity, began: flo
     )
     half = quantile * np.sqrt(covariance.diagonal())
     astray = strays(problem.model, left.relative)
-    values = outcome.values
-    verdicts, reasons = doubted(problem, values, half, grade(refused, half / sizes), astray)
+    told = half, grade(refused, half / sizes)
+    verdicts, reasons, bounds, few = _verdicts(problem, outcome, acting, (left, astray), told)
+    half[few], covariance[few, few] = np.inf, np.inf
     if "not" in verdicts:
         free = np.array([verdict != "not" for verdict in verdicts])
         wide = ~free & np.array([not reason for reason in refused])
@@ -192,7 +193,7 @@ def assemble(problem: Problem, outcome: Outcome, acting: Sensitivity, began: flo
         interval95=np.array([values - half, values + half]).T,
         covariance=covariance,
         verdict=verdicts,
-        reasons=_reasons(problem, reasons, outcome.at_bound),
+        reasons=_reasons(problem, reasons, bounds),
         p=problem.full(values)[: len(problem.model.parameters)],
         cost=0.5 * float((left.left / sigma / sigma).sum()),
         outputs=problem.model.outputs.names,
@@ -211,6 +212,23 @@ def assemble(problem: Problem, outcome: Outcome, acting: Sensitivity, began: flo
         message=outcome.message + said + edge + (f"; {astray}" if astray else ""),
         seconds=time.perf_counter() - began,
     )
+
+
+def _verdicts(
+    problem: Problem, outcome: Outcome, acting: Sensitivity, found: tuple[Squares, str],
+    told: tuple[Vector, tuple[Sequence[str], Sequence[str]]],
+) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...], Bools]:  # fmt: skip
+    """(verdicts, why, what is said of those on a bound, whose noise no value is left to tell).
+
+    Args:
+        found: what is left, and why the model goes astray, if it does.
+        told: half widths of the intervals, (k,), and what these say by themselves.
+    """
+    values, (left, astray), (half, graded) = outcome.values, found, told
+    why = misled(problem, values, acting, left.rows, astray)
+    verdicts, reasons = doubted(problem, values, half, graded, why)
+    verdicts, bounds = on_bounds(problem, values, outcome.at_bound, verdicts)
+    return verdicts, reasons, bounds, beyond(problem, acting, left.rows) < 1.0
 
 
 def _put_back(
@@ -277,15 +295,15 @@ def _within(
 
 
 def _reasons(
-    problem: Problem, reasons: tuple[str, ...], at_bound: tuple[str, ...]
+    problem: Problem, reasons: tuple[str, ...], bounds: tuple[str, ...]
 ) -> tuple[str, ...]:
     """Why each parameter is weak or not identifiable, and what would help."""
-    if not (any(reasons) or at_bound):
+    if not (any(reasons) or any(bounds)):
         return reasons
     names, out = problem.names, []
     cures: dict[str, str] = {}
-    for name, reason in zip(names, reasons, strict=True):
-        parts = [reason, "ended on its bound" if name in at_bound else ""]
+    for reason, bound in zip(reasons, bounds, strict=True):
+        parts = [reason, bound]
         if "collinear" in reason or "not excited" in reason:
             if reason not in cures:
                 same = [n for n, r in zip(names, reasons, strict=True) if r == reason]

@@ -36,7 +36,8 @@ from evertwin.tuning.advice import advise
 from evertwin.tuning.fit import Fit
 from evertwin.tuning.form_error import wrong_outputs
 from evertwin.tuning.identifiability import NULL, WEAK, grade
-from evertwin.tuning.omitted import normal
+from evertwin.tuning.minima import lowest
+from evertwin.tuning.omitted import normal, shifted
 from evertwin.tuning.problem import Problem
 from evertwin.tuning.sensitivity import Spectrum
 from evertwin.tuning.solver import solve
@@ -44,6 +45,7 @@ from evertwin.tuning.solver import solve
 NEAR = 1.0 / 30.0
 """Part of a column that the simpler ones do not have, below which a wrong form decides about it:
 the inverse of the condition index from which collinearity harms (Belsley, Kuh, Welsch 1980)."""
+ZERO = "not told from zero"
 FAR = 20.0
 """How far beyond the values seen a motion is looked for that tells them."""
 
@@ -77,8 +79,10 @@ def told_apart(problem: Problem, fit: Fit) -> Fit:
             break
         stays |= {one.name: one for one in alike}
         problem = problem.tuning(tuple(n for n in found.names if n not in stays))
+        if problem.settings.begin:  # found together with what stays
+            problem = lowest(problem)
         found = solve(problem)
-    return _leaning(whole, _whole(problem, fit, found, stays), tuple(stays)) if stays else fit
+    return _leaning(whole, _whole(problem, fit, found, stays), stays) if stays else fit
 
 
 def _alike(problem: Problem, fit: Fit) -> list[Alike]:
@@ -151,29 +155,47 @@ def _note(reasons: list[str], fit: Fit, kept: str, held: str) -> None:
         reasons[at] = "; ".join(filter(None, (reasons[at], said)))
 
 
-def _leaning(problem: Problem, fit: Fit, stays: tuple[str, ...]) -> Fit:
-    """The fit, whose intervals carry how far its numbers would move with what is held; numbers that
-    go with it as a whole are told beside it."""
+def leaning_on(problem: Problem, fit: Fit, found: Fit, stays: tuple[str, ...]) -> Fit:
+    """``found``, the fit of a problem without what ``stays`` as ``fit`` began, with what of its
+    numbers hangs on that."""
+    whole = _leaning(problem, _whole(problem, fit, found, {}), dict.fromkeys(stays))
+    at = [whole.names.index(name) for name in found.names]
+    return replace(
+        found, interval95=whole.interval95[at], verdict=tuple(whole.verdict[k] for k in at),
+        reasons=tuple(whole.reasons[k] for k in at),
+    )  # fmt: skip
+
+
+def _leaning(problem: Problem, fit: Fit, stays: Mapping[str, Alike | None]) -> Fit:
+    """The fit, whose intervals carry how far its numbers would move with what is held; of a scale
+    or a sum, of which no row tells a part, they tell none either."""
     products = normal(problem, fit)
     told = zip(fit.names, fit.verdict, strict=True)
     rest = np.flatnonzero([name not in stays and word != "not" for name, word in told])
     if products is None or not len(rest):
         return fit
     half, reasons, verdict = np.diff(fit.interval95)[:, 0] / 2.0, [*fit.reasons], [*fit.verdict]
-    more = np.zeros(len(half))
-    for name in stays:
+    more, parts = np.zeros(len(half)), np.zeros(len(half), dtype=np.bool_)
+    for name, alike in stays.items():
         at = fit.names.index(name)
         side = products[rest, at] * fit.start[at]
-        by = np.abs(np.linalg.lstsq(products[np.ix_(rest, rest)], side, rcond=None)[0])
+        by = np.abs(shifted(products[np.ix_(rest, rest)], side))
         for k in rest[by > half[rest]].tolist():
             _note(reasons, fit, fit.names[k], name)
         more[rest] += np.where(by > half[rest], by, 0.0)
+        parts[rest] |= (by > half[rest]) & (alike is not None and alike.part < NULL)
     sizes = np.maximum(np.abs(fit.start), np.abs(fit.values))
-    more[half + more > WEAK * sizes] = 0.0  # of a scale: told as a multiple of what is held
+    parts |= (more > 0.0) & (half + more > WEAK * sizes)
+    more[half + more > WEAK * sizes] = 0.0  # told as a multiple of what is held
     interval = fit.interval95 + np.outer(more, (-1.0, 1.0))
     for k in np.flatnonzero(more).tolist():
         (verdict[k],), (why,) = grade([""], (half + more)[k : k + 1] / sizes[k])
+        if half[k] + more[k] >= abs(fit.values[k]):
+            verdict[k], why = "weak" if verdict[k] == "identifiable" else verdict[k], why or ZERO
         reasons[k] = "; ".join(filter(None, (reasons[k], why)))
+    for k in np.flatnonzero(parts).tolist():
+        verdict[k] = "weak"
+        reasons[k] += ": only both together are told"
     return replace(fit, interval95=interval, verdict=tuple(verdict), reasons=tuple(reasons))
 
 

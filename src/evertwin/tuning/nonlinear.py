@@ -38,6 +38,7 @@ ROUNDS, SETTLED = 5, 0.1
 """Most searches, each with the noise that the one before left; its change that ends them."""
 ROUGH = 1e-3
 """Relative change of the cost that ends a search that is repeated anyway."""
+STOPPED = "stopped by the caller"
 DULL = 0.01
 """Change of the cost that no row would notice, once rows are weighed by their noise."""
 
@@ -185,7 +186,7 @@ def search(objective: Objective, method: str) -> Outcome:
         z = objective.best[1]
         return Outcome(
             objective.residual_values(z), len(results), objective.evaluations, False,
-            f"stopped by the caller after {objective.evaluations} evaluations: the best values so "
+            f"{STOPPED} after {objective.evaluations} evaluations: the best values so "
             "far are kept", method=method,
         )  # fmt: skip
     return _outcome(objective, results[0], method)

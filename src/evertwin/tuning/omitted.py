@@ -28,7 +28,7 @@ import numpy as np
 
 from evertwin.tuning.fit import Fit
 from evertwin.tuning.problem import Problem
-from evertwin.types import Float64
+from evertwin.types import Float64, Vector
 
 
 def moved(problem: Problem, fit: Fit, terms: Mapping[str, tuple[str, ...]]) -> Fit:
@@ -48,13 +48,21 @@ def moved(problem: Problem, fit: Fit, terms: Mapping[str, tuple[str, ...]]) -> F
         if not out.any() or not rest.any():
             continue
         side = products[np.ix_(rest, out)] @ fit.values[out]
-        shift = np.linalg.lstsq(products[np.ix_(rest, rest)], side, rcond=None)[0]
+        shift = shifted(products[np.ix_(rest, rest)], side)
         for k, by in zip(np.flatnonzero(rest).tolist(), shift.tolist(), strict=True):
             if half[k] > 0 and abs(by) / half[k] > worst[k]:
                 worst[k] = abs(by) / half[k]
                 said = f"moves with the form: {fit.values[k] + by:.3g} without {name}"
                 reasons[k] = "; ".join(filter(None, (fit.reasons[k], said)))
     return replace(fit, reasons=tuple(reasons))
+
+
+def shifted(products: Float64[np.ndarray, "k k"], side: Vector) -> Vector:
+    """How far numbers move to make up for ``side``, (k,), whatever their units."""
+    size = np.sqrt(products.diagonal())
+    size = np.where(size > 0.0, size, 1.0)
+    unit = products / np.outer(size, size)
+    return np.asarray(np.linalg.lstsq(unit, side / size, rcond=None)[0] / size)
 
 
 def normal(problem: Problem, fit: Fit) -> Float64[np.ndarray, "k k"] | None:

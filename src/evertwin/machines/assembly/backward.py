@@ -111,8 +111,9 @@ def step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) ->
     _motion(context, u, bus)
     if context[slot.NB] > 0:
         there, given, after = address(x), address(p), address(ahead)
-        if run_boxes(context, there, u, dt, given, after, bus) != 0:
-            return 1
+        failed = int(run_boxes(context, there, u, dt, given, after, bus))
+        if failed != 0:
+            return failed
     row(context, x, u, p, bus)
     heated(context, x, dt, p, bus, ahead)
     show(context, bus, y)

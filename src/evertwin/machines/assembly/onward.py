@@ -173,8 +173,10 @@ def step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) ->
             for i in range(nx):
                 boxed[i] = now[i]
             given = address(p)
-            if run_boxes(context, now.ctypes.data, u, h, given, boxed.ctypes.data, bus) != 0:
-                return 1
+            at, after = now.ctypes.data, boxed.ctypes.data
+            failed = int(run_boxes(context, at, u, h, given, after, bus))
+            if failed != 0:
+                return failed
         if context[slot.DRY] == 1:
             slopes(context, now, u, clock[0], p, work[2], bus)
             _euler(context, now, h, work[2], work[0])
