@@ -27,3 +27,28 @@ def test_one_wrong_sample_among_the_first_blinds_nobody(row: int) -> None:
             found = twin.run({"t": 0.1 * np.arange(n), "v": v, "x": x}).of_kind("measurement_error")
         left_out += [event for event in found if event.evidence.get("cause") == "frozen"]
     assert not left_out
+
+
+@pytest.mark.parametrize("rows", [1, 5, 20])
+def test_zeros_before_a_sensor_answers_are_no_pose(rows: int) -> None:
+    """They were taken in another unit, or held against the machine by every fit."""
+    fits, spec = 0, TwinSpec(
+        "base", ModelSpec("differential"), prediction=PredictionSpec(horizon=1.0),
+        anomaly=AnomalySpec(requirement=0.02, relative=False, outputs=("x", "y")),
+    )  # fmt: skip
+    for seed in range(8):
+        rng, n, dt = np.random.default_rng(seed), 2000, 0.05
+        v, w = (np.repeat(rng.uniform(a, 0.8, n // 40), 40) for a in (-0.3, -0.8))
+        heading = rng.uniform(-3.0, 3.0) + 0.94 * dt * np.concatenate([[0.0], np.cumsum(w)[:-1]])
+        x, y = (
+            rng.uniform(2.0, 12.0) + 0.9 * dt * np.concatenate([[0.0], np.cumsum(v * way)[:-1]])
+            for way in (np.cos(heading), np.sin(heading))
+        )
+        pose = np.stack([x, y, heading]) + rng.normal(0.0, 0.003, (3, n))
+        pose[:, :rows] = 0.0
+        data = {"t": dt * np.arange(n), "v": v, "w": w, "x": pose[0], "y": pose[1]}
+        with Twin(spec) as twin:
+            result = twin.run(data | {"heading": pose[2]})
+            assert not result.of_kind("measurement_error", "gate_widened")
+            fits += twin.champion.number > 0
+    assert fits >= 7

@@ -55,6 +55,7 @@ from evertwin.refit.states import States, amount
 from evertwin.refit.tuner import ENOUGH, Tuner
 from evertwin.refit.workers import setup_of
 from evertwin.setup.evaluation import left, scale_of, sizes
+from evertwin.setup.false_start import rightly_begun
 from evertwin.setup.friction_law import acting
 from evertwin.setup.task import Task, Windows
 from evertwin.trial import admit
@@ -96,6 +97,7 @@ class Work(Tuner):
         known, horizon = (*task.earlier, *task.windows), self.setup.horizon
         if self.known != known:
             return replace(self, known=known).content(task)
+        task = task._replace(windows=tuple(rightly_begun(self.setup, w) for w in task.windows))
         try:
             if task.windows and not own_starts(model, len(task.windows)):
                 rows = later(model, p, horizon, (known, task.windows))

@@ -286,7 +286,8 @@ def judge(
     growth = grown(rules, numbers, figures, g, now[1])
     for k in range(size):
         j = room[k]
-        learn(statistics, phase, j, values[j, at.NU] * values[j, at.NU] / growth)
+        if values[j, at.VARIED] > 0:  # what has not moved since it began has no noise to tell
+            learn(statistics, phase, j, values[j, at.NU] * values[j, at.NU] / growth)
         weigh(limits, values, j, y[j], predicted[j])
     learn_noise(values, numbers, room, g, size)
     figures[g, at.OUTSIDE] *= 1.0 - 1.0 / (4.0 * rules[g, at.VOTE])

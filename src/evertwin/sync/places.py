@@ -58,7 +58,9 @@ FREE_AFTER = 44
 OVERDUE, LATE = 45, 47
 """And per kind of run: samples of it by which a sound sensor would have answered; how many passed
 until one did, at most."""
-VALUES = 49
+VARIED = 49
+"""And samples that were another than the one before."""
+VALUES = 50
 (
     STARTED, VALID, GOOD_AT, LAST_AT, CAUSE, ONSET, UNTIL, FAULTS, TOLD, CONTEST, BATCH, BATCH_ROW,
     LEFT, SAMPLES, UPDATES, RESETS, CONTESTED, ERRORS, TURNS, HELD_BY, QUIET,
@@ -111,6 +113,9 @@ FEW = 5
 """Innovations after which a provisional one is used."""
 STEPS = 6
 """Such changes by which a sensor is known to be coarse: a spike is two."""
+VARIES = 16
+"""Samples that vary from which on a channel is known to tell anything: one that has stayed where it
+was since it began may be of a sensor that was not there yet."""
 KNOWN, AGAIN = 64, 16
 """Innovations after which the noise is known well enough to tell a factor by it; and trusted ones
 after its variance was widened."""

@@ -184,6 +184,8 @@ def doubted(settings: Any, memory: Any, sample: Any, g: int, size: int) -> int:
         for s in range(sentinels.shape[0]):
             if y[j] == sentinels[s]:
                 return SENTINEL
+        if values[j, at.VARIED] < at.VARIES:
+            continue
         angle = limits[j, at.ANGLE] > 0
         room_for = noise + credible(limits, rules, values, g, j, 1.0)
         factor = suspected(

@@ -140,6 +140,7 @@ def learn_step(limits: Any, values: Any, sample: Any, size: int) -> None:
         change = abs(wrapped(y[j] - values[j, at.LAST], limits[j, at.ANGLE] > 0))
         if not change > 1e-9 * abs(y[j]):
             continue
+        values[j, at.VARIED] += 1.0
         step = values[j, at.STEP] if values[j, at.STEP] > 0.0 else np.inf
         if change * ALIKE < step:
             values[j, at.CHANGED] = 0.0
