@@ -99,7 +99,7 @@ def test_no_number_is_identifiable_before_the_question_is_answered() -> None:
             told = twin.run(rows).to_dict()["parameters"]
         assert ("identifiable" in found.fit.verdict) is not ms, str(found)
         if ms:
-            assert "told once the question about columns is answered" in found.fit.reasons[0]
+            assert "told once the question of columns" in found.fit.reasons[0]
             assert str(found).startswith("look at columns first: rows come every 20 s")
         assert isinstance(told, dict)
         words = {one["verdict"] for one in told.values() if isinstance(one, dict)}

@@ -272,10 +272,7 @@ def judge(
     if outside:
         before = figures[g, at.LOUDEST] if numbers[g, at.BATCH] > 0 else 0.0
         figures[g, at.LOUDEST] = max(before, ratio)
-        verdict, done = contest(
-            settings, memory, statistics, board, notes, sample, g, size, now, phase
-        )
-        return verdict, done
+        return contest(settings, memory, statistics, board, notes, sample, g, size, now, phase)
     if numbers[g, at.CONTEST] > 0:
         end_contest(rules, memory, board[3], notes, g, now)
     if numbers[g, at.VALID] != 1:
