@@ -252,8 +252,7 @@ def judge(
     if cause == 0 and ratio > 1.0:
         cause = doubted(settings, memory, sample, g, size)
     for k in range(size):
-        j = room[k]
-        values[j, at.LAST] = y[j]
+        values[room[k], at.LAST] = y[room[k]]
     numbers[g, at.LAST_AT] = now[1]
     if cause > 0 or ratio > 1.0:
         for k in range(size):
@@ -272,7 +271,10 @@ def judge(
     if outside:
         before = figures[g, at.LOUDEST] if numbers[g, at.BATCH] > 0 else 0.0
         figures[g, at.LOUDEST] = max(before, ratio)
-        return contest(settings, memory, statistics, board, notes, sample, g, size, now, phase)
+        verdict, done = contest(
+            settings, memory, statistics, board, notes, sample, g, size, now, phase
+        )
+        return verdict, done
     if numbers[g, at.CONTEST] > 0:
         end_contest(rules, memory, board[3], notes, g, now)
     if numbers[g, at.VALID] != 1:
