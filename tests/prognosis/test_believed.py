@@ -158,7 +158,7 @@ def test_what_was_repaired_had_been_worn() -> None:
     log.switch(300, "promoted", log.fit(200, 15.0, caveat=ALIKE))
     log.say(Event(350, 350, "maintained", "belt", "greased", {"kind": "adjusted", "at": 1.0}))
     log.switch(400, "rolled_back", first, since=360)
-    assert log.values == [10.0, 15.0]
+    assert log.values == [10.0, 15.0, 10.0], "what is live again tells what the machine is now"
 
 
 def test_rows_of_a_sensor_leave_and_come_back_where_that_is_refuted() -> None:

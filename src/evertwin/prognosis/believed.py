@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from evertwin.fold import Answer, Event, Request
@@ -217,6 +217,8 @@ class _Log:
             self.alike[number] = ()
         for one in self._of(number):
             one.live, one.alike = True, one.alike if self.alike.get(number) else ()
+        if number in self.lives and event.kind != "configured":
+            self._again(event, number)
         self.live = number
         self.lives.add(number)
         new = self.values.get(number, {})
@@ -225,6 +227,22 @@ class _Log:
         for name, value in new.items():
             moved = abs(value - self.clean.get(name, value))
             self.doubted[name] = max(self.doubted.get(name, 0.0), moved)
+
+    def _again(self, event: Event, number: int) -> None:
+        """A version that was live is so again: its numbers are told anew."""
+        known = next((one for one in reversed(self._of(number)) if one.counts), None)
+        last = self.told[-1].estimates[:1] if self.told else []
+        if known is None or not last:
+            return
+        passed = max(event.time - last[0].time, 0)
+        when: dict[str, Any] = {
+            "row": event.row, "time": event.time, "task": last[0].task,
+            "elapsed": last[0].elapsed + passed, "tasks_before": last[0].tasks_before,
+            "elapsed_before": last[0].elapsed_before,
+        }  # fmt: skip
+        told = [replace(one, **when) for one in known.estimates]
+        rows = event.row, event.row
+        self.told.append(Told(told, self.run, event.row, rows, version=number, live=True))
 
     def _as_before(self, number: int) -> int | None:
         """A version that was live, with about the numbers of this one."""
