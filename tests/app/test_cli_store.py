@@ -146,6 +146,7 @@ def test_what_is_said_while_a_twin_works_is_heard(call: Command, ran: Path, fold
     with Twin.open(folder / "robot.toml") as working:
         said = call("model", "pin", "robot.toml", "0", "--reason", "it squeaks")
         assert said.code == 0 and "is asked to heed this at its next beat" in said.err
+        assert "is open in" in said.err and "wait until" not in said.err
         assert call("model", "promote", "robot.toml", "9").code == 2
         assert not working.pinned
         working._ledger.hear()

@@ -232,3 +232,18 @@ def test_a_force_that_reads_a_share_less_is_no_push(seed: int) -> None:
     with Twin(heavy) as twin:
         result = twin.run((make_block(np.arange(n) * 10**7, u, pushed),))
     assert len(result.of_kind("external")) == 1
+
+
+@pytest.mark.parametrize("end", [2770, 2799, 2801])
+def test_rows_of_a_speed_that_did_not_answer_are_in_no_window(end: int) -> None:
+    """Nor those after it whose acceleration looks back at them, wherever the beat lies."""
+    block = rows(seed=6)
+    u = block.u.copy()
+    u[2000:end] = u[2000]
+    state, said = folded(AXIS, block._replace(u=u), 37)
+    kept = np.arange(2000, state.ring.end) % len(state.ring.t)
+    assert state.ring.out[kept[: end - 2000]].all(), "also those since the newest beat"
+    assert not state.ring.out[kept[850:]].any()
+    told = [one for one in said if '"kind":"abnormal"' in one]
+    assert len(told) == 1 and '"signal":"speed"' in told[0]
+    assert "tuned" not in kinds(said)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,13 @@ import pytest
 
 from evertwin import FunctionModel, Layout, Twin, TwinSpec
 from evertwin.anomaly.spec import AnomalySpec
-from evertwin.config.spec import ModelSpec, ParameterSpec, PredictionSpec, StoreSpec
+from evertwin.config.spec import (
+    ModelSpec,
+    ParameterSpec,
+    PredictionSpec,
+    StoreSpec,
+    TuningSpec,
+)
 from evertwin.models import Parameters
 from evertwin.trial import Recovery
 
@@ -110,3 +117,23 @@ def test_where_segments_are_cut_does_not_matter() -> None:
     found = [k for k in range(len(rows)) if recovery.step(state, rows[k : k + 1]) >= 0]
     assert found == [decided(1, 5.0, 300)]
     assert recovery.verdict(state)[1]["since"] == pytest.approx(3000, abs=20)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_of_several_former_versions_the_nearest_one_is_back(seed: int) -> None:
+    """The first one is within what is asked, too, and far from as near as the second."""
+    rng, n = np.random.default_rng(seed), 9000
+    at = np.arange(n)
+    u = np.sin(at * 0.07 + rng.uniform(0, 6)) + np.sin(at * 0.031)
+    gain = np.where((at >= 3500) & (at < 6000), 1.9, 1.1)
+    rows = {"t": at * 0.01, "u": u, "y": gain * u + 0.01 * rng.normal(size=n)}
+    with twin() as plain:
+        asked = replace(plain.spec.anomaly, requirement=0.15)
+        model, tuning = plain.model, TuningSpec(every=10.0)
+        spec = replace(plain.spec, anomaly=asked, tuning=tuning)
+    with Twin(spec, model) as axis_twin:
+        axis_twin.run(rows)
+        went = [(e.row, e.kind, e.reason) for e in axis_twin.events if "version" in e.evidence]
+        assert axis_twin.champion.values[0] == pytest.approx(1.1, rel=0.02), went
+        back = [e for e in axis_twin.events if e.kind == "rolled_back" and e.row > 6000]
+    assert all(e.evidence["version"] != 0 for e in back), went

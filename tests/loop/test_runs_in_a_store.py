@@ -131,6 +131,14 @@ def test_what_was_cut_off_is_given_up_for_other_rows() -> None:
     assert [entry.run for entry in store.entries() if '"ran"' in entry.content] == [1, 2, 3]
 
 
+def test_a_run_that_was_cut_off_ends_where_the_twin_file_says_otherwise() -> None:
+    store = SqliteStore(":memory:")
+    with pytest.raises(PowerFailure):
+        twin(store).run(until(day(1), 200), every=50)
+    twin(store, beat=Span(10)).run([day(1)])
+    assert events(store, "ran")[0].reason == "run 1 ends: the twin file says otherwise from here on"
+
+
 def test_other_settings_run_the_rows_anew() -> None:
     store = SqliteStore(":memory:")
     twin(store).run([day(1)])

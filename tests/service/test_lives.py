@@ -81,13 +81,25 @@ def test_one_of_two_worn_parts_stays_an_alarm_when_the_other_is_new() -> None:
     assert condition.told(failed=False)["why"] == "gearbox is worn"
 
 
+def test_an_alarm_says_what_lives_say_until_it_is_called_false() -> None:
+    condition = Condition({}, asked=True)
+    about = {"kind": "alarm", "signal": "belt", "reason": "is 116 N", "row": 0, "time": 1}
+    condition.heard({"number": 4, "evidence": {"kind": "failure_due"}, **about})
+    condition.lived([{"component": "belt", "kind": "failure_due", "reason": "is 174 N"}])
+    condition.lived([{"component": "gear", "kind": "failure_due", "reason": "is 3 N"}])
+    assert condition.told(failed=False)["why"] == "is 174 N"
+    said = {"event": 4, "verdict": "false alarm"}
+    condition.heard({"number": 5, "kind": "labelled", "evidence": said, "row": 0, "time": 2})
+    assert condition.told(failed=False)["condition"] == "good"
+
+
 def test_lives_are_told_after_each_new_value(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(lives, "AGAIN", 0.01)
 
     async def beside(runner: Any, job: Any) -> dict[str, Any]:
-        return {"events": (), "life": {"asked": runner.work.estimates}}
+        return {"events": (), "life": {"asked": runner.work.estimates, "alarms": ()}}
 
     monkeypatch.setattr(lives, "beside", beside)
 
@@ -100,7 +112,10 @@ def test_lives_are_told_after_each_new_value(
             assert runner.work is not None
             runner.work.estimates = count
             await asyncio.sleep(0.1)
+        for number, kind in ((7, "suspected"), (8, "labelled"), (9, "rolled_back")):
+            runner.events.append((number, {"kind": kind}))
+            await asyncio.sleep(0.1)
         task.cancel()
         return found
 
-    assert asyncio.run(heard()) == [2, 3]
+    assert asyncio.run(heard()) == [2, 3, 3, 3], "also where what counts may have changed"

@@ -33,7 +33,8 @@ class StillState(NamedTuple):
     rows: Int64[np.ndarray, " channels"]
     """Since the one in which each channel changed last."""
     said: Int64[np.ndarray, " channels"]
-    """1: it is known not to answer; 2: so it is, and scatters."""
+    """1: it is known not to answer; 2: so it is, and scatters; below 0: it answered again in row
+    −1 − `said`, and rows that look back at those before are still to come."""
     asked: Int64[np.ndarray, " channels"]
     """Rows without a change at which it was to be asked about; 0: not since the newest beat."""
     news: Int64[np.ndarray, " one"]
@@ -73,8 +74,9 @@ class Still:
             asked = (rows >= self.least) & (rows % self.least == 0)
             asked &= np.bitwise_count(rows // self.least) == 1
             if state.said[k] == 1:  # until it changes
-                asked[: int(np.argmin(same)) if not same.all() else len(u)] = False
-                state.said[k] = int(same.all())
+                again = len(u) if same.all() else int(np.argmin(same))
+                asked[:again] = False
+                state.said[k] = 1 if same.all() else -1 - (row + again)
             if asked.any():
                 state.asked[k] = rows[np.flatnonzero(asked)[-1]]
                 first = min(first, int(np.argmax(asked)))

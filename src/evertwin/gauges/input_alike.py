@@ -16,6 +16,7 @@ from evertwin.fold import Block
 from evertwin.gauges import in_words
 from evertwin.gauges.gauge_rows import LEAST, Rows, unchanged
 from evertwin.gauges.sensor_change import since_change, unmeasured
+from evertwin.ledger.caveats import MORE, SAME
 from evertwin.rows.channels import measured
 from evertwin.signals.spoken import MANY, share
 from evertwin.types import Bools, Outputs
@@ -53,8 +54,8 @@ def alike_inputs(rows: Rows) -> str:
     least = min(left for left, *_ in found)
     said = " or ".join(told for left, _, told in found if left <= LIKE * least)
     if min(tuned for _, tuned, _ in found) > CLEARLY * least:
-        return f"; a meter of {said} would explain more"
-    return f"; a meter of {said} would look the same"
+        return f"; a meter of {said} {MORE}"
+    return f"; a meter of {said} {SAME}"
 
 
 def _off(rows: Rows, k: int, scaled: bool) -> tuple[float, float, str] | None:

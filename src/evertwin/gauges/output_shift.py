@@ -24,6 +24,7 @@ from evertwin.gauges import in_words
 from evertwin.gauges.change import split
 from evertwin.gauges.gauge_rows import LEAST, Rows, residual, unchanged
 from evertwin.gauges.sensor_change import SensorChange, unmeasured
+from evertwin.ledger.caveats import SAME, SENSOR
 from evertwin.models.kernel import CONTINUE
 from evertwin.rows.ring import called
 from evertwin.signals.spoken import MANY, share
@@ -51,8 +52,6 @@ ALIKE = 1.5
 """So many times what the machine leaves a sensor may leave to look the same."""
 SHARE = 0.1
 """What a share is tried with."""
-SENSOR, SAME = "a sensor of ", "would look the same"
-"""How a caveat begins and ends: sensor or machine, that cannot be told."""
 
 
 class Off(NamedTuple):

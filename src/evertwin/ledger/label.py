@@ -89,6 +89,8 @@ def rows_of(event: Event) -> tuple[int, int] | None:
     >>> rows_of(Event(90, 0, "measurement_error", "x", "frozen", {"onset": 40, "end": 60}))
     (40, 60)
     """
+    if event.kind == "alarm":  # of a life
+        return None
     begins: Any = next((event.evidence[key] for key in BEGINS if key in event.evidence), None)
     ends: Any = next((event.evidence[key] for key in ENDS if key in event.evidence), event.row - 1)
     return None if begins is None or ends is None or ends < begins else (begins, ends)

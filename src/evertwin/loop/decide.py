@@ -325,7 +325,7 @@ class Decide:
             self._promote(decision, evidence)
         elif verdict == "reject":
             reason = f"version {number} is not better on unseen data: {evidence['sentence']}"
-            decision.say("rejected", "", reason, evidence)
+            decision.say("rejected", "", reason, {**evidence, "version": number})
             decision.state = decision.state._replace(other=EMPTY)
             decision.remember(phase=WATCH, hold=state.row + self.follow.setup.holdoff)
 

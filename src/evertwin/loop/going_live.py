@@ -8,17 +8,21 @@ from typing import Any
 import numpy as np
 
 from evertwin.fold import copy
+from evertwin.gauges.sensor_change import unmeasured
 from evertwin.loop.decision import Decision
 from evertwin.loop.follow import EMPTY, Follow
 from evertwin.loop.looking import returned
 from evertwin.rows.ring import called
 from evertwin.setup.deviation import Sums, judged_deviation
+from evertwin.setup.evaluation import left
 from evertwin.setup.scores import new_scores
 from evertwin.setup.twin_state import TRIAL, WATCH, TwinState
 from evertwin.trial.gate_loop import OPEN
 
 ALIKE = 0.5
 """Share of the rows at least whose inputs lie where they lay before."""
+NEARLY = 1.2
+"""So many times what the nearest version leaves another one leaves at most to be as near."""
 RARE = 0.05
 """Share of the rows at either end of an input's range that tell nothing of where it lies."""
 
@@ -26,7 +30,8 @@ RARE = 0.05
 def recovered(decision: Decision, follow: Follow) -> None:
     """The first champion goes live again where it is within what is asked and has become much
     nearer to the machine than the live version, as after a repair; what is on trial was learned
-    from the machine before it."""
+    from the machine before it. Of several versions that were live the nearest one does; none, where
+    what is on trial is clearly nearer."""
     state, agenda = decision.state, decision.state.agenda
     found, evidence = follow.recovery.verdict(state.recovery)
     if not found:
@@ -36,18 +41,49 @@ def recovered(decision: Decision, follow: Follow) -> None:
     if not (holds and may and _seen(follow, state, evidence["since"])):
         state.recovery.tally[0] = OPEN  # the live version holds, or neither does: weighed on
         return
+    old = _nearest(follow, state, evidence["since"])
+    if old < 0:
+        state.recovery.tally[0] = OPEN
+        return
     if agenda.phase == TRIAL:
         said = f"version {state.other.version} was learned before the machine went back"
         decision.say("superseded", "", said, {"version": state.other.version})
-    live, old = state.live.version, state.first.version
-    since = evidence["since"]
+    live, since = state.live.version, evidence["since"]
     why = f"from {called(since)} on the machine is again as at version {old}"
     reason = f"version {old} replaces {live}: {why}, as after a repair: {evidence['sentence']}"
     decision.say("rolled_back", "", reason, switched(follow, evidence, old))
     returned(decision, follow.setup, follow.versions[live], follow.versions[old])
-    decision.state = goes_live(follow, state._replace(other=state.first), old, EMPTY, state.first)
+    own = old == state.first.version
+    lane = state.first if own else follow.beside(state.live, old)
+    decision.state = goes_live(follow, state._replace(other=lane), old, EMPTY, state.first)
     hold = state.row + follow.setup.holdoff
     decision.remember(phase=WATCH, hold=hold, since=max(agenda.since, since), again=0)
+
+
+@unmeasured()
+def _nearest(follow: Follow, state: TwinState, since: int) -> int:
+    """Of the first champion and those that were live after it, the one that is nearest to the rows
+    from ``since`` on; −1: what is on trial is clearly nearer, or none is within what is asked."""
+    setup, versions, live = follow.setup, follow.versions, state.live.version
+    windows, first = setup.ring.between(state.ring, since, state.row), state.first.version
+    tried = {state.other.version} if state.agenda.phase == TRIAL else set()
+    former = {first, *(one.number for one in versions.before(live))} - {live}
+    if not windows:
+        return first
+    off = {k: left(setup, versions.model(k), versions[k].p, windows) for k in former | tried}
+    share = {k: float(np.nanmean(one / off[first])) for k, one in off.items()}
+    if not np.isfinite(list(share.values())).all():  # nothing moved: the bets alone tell
+        return first
+    best = min(former, key=lambda k: (share[k], k != first))
+    if share[first] <= NEARLY * share[best]:
+        best = first
+    size = setup.sizes(np.concatenate([one.y for one in windows]))
+    within = np.nan_to_num(off[best] / size)[setup.watched] <= setup.requirement
+    nearer = min((share[k] for k in tried - former), default=np.inf)
+    again = bool(tried & former) and best in tried
+    if again or share[best] > NEARLY * nearer or not within.all():
+        return -1
+    return best
 
 
 def _seen(follow: Follow, state: TwinState, since: int) -> bool:

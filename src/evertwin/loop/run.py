@@ -122,7 +122,7 @@ class Run:
         place, settings = Place(None, 0), settings_hash(self.setup.spec)
         if lasting and not anew and not isinstance(data, Iterator):
             place = find(self.ledger, looked.stream(data), settings)
-        self._give_up(place.run)
+        self._give_up(place.run, settings)
         self.anew, self._lasting = anew, lasting or self.every > 0
         self._due = began + SECONDS
         rate, blocks = measured(later(feed.stream(data), place.offset))
@@ -180,7 +180,7 @@ class Run:
             lasting: does the store outlive this process?
         """
         self._lasting = lasting
-        self._give_up(known, evidence["first_chunk"])
+        self._give_up(known, evidence["settings"], evidence["first_chunk"])
         state, found = self._begun(known, evidence, feed)
         if known is None:
             self.log.say(0, ())  # the run is in the log before its first row
@@ -189,8 +189,9 @@ class Run:
     def _feed(self) -> Feed:
         return Feed(self.setup.spec, self.setup.model)
 
-    def _give_up(self, known: Begun | None, chunks: int = 0) -> None:
-        """A run that was cut off ends here when another one begins, with sample ``chunks``."""
+    def _give_up(self, known: Begun | None, settings: str, chunks: int = 0) -> None:
+        """A run that was cut off ends here when another one begins, by ``settings`` and with
+        sample ``chunks``."""
         left = self.ledger.unfinished
         if left is None or known is left:
             return
@@ -202,6 +203,8 @@ class Run:
         if "first_chunk" in left.evidence:
             evidence["chunks"] = (chunks or self.ledger.store.chunks + 1) - 1
         said = f"run {left.number} was cut off and is given up: other rows were run"
+        if left.evidence.get("settings") != settings:
+            said = f"run {left.number} ends: the twin file says otherwise from here on"
         event = Event(self.ledger.row, 0, "ran", "", said, evidence)
         self.ledger.commit(Batch([event], run=left.number))
         log.warning("%s", said)
@@ -220,7 +223,7 @@ class Run:
         found = None if known is None else self._restored(known, feed)
         if known is not None and found is None and known.evidence.get("handed_on"):
             # what it began with is lost, so it cannot be repeated
-            self._give_up(None)
+            self._give_up(None, evidence["settings"])
             return self._begun(None, evidence, feed)
         state: TwinState = self.driver.init() if found is None else found.state.twin
         if known is None:

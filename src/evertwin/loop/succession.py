@@ -7,11 +7,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from evertwin.gauges.output_shift import SAME, SENSOR
 from evertwin.gauges.sensor_change import unmeasured
+from evertwin.ledger.caveats import SAME, SENSOR, caveats_of
 from evertwin.loop.decision import Decision
 from evertwin.loop.follow import EMPTY
-from evertwin.refit.channels import caveats_of
 from evertwin.rows.ring import Rows, called
 from evertwin.setup.setup import Setup
 from evertwin.setup.twin_state import PROBATION, TRIAL, WATCH, TwinState
@@ -126,7 +125,7 @@ def makes_room(setup: Setup, decision: Decision) -> None:
         if verdict is None and hopeless and evidence["segments"] >= 2 * gate.least:
             number = state.other.version
             reason = f"version {number} gains too little, superseded: {evidence['sentence']}"
-            decision.say("rejected", "", reason, evidence)
+            decision.say("rejected", "", reason, {**evidence, "version": number})
             decision.state = state._replace(other=EMPTY)
             decision.remember(phase=WATCH)
     elif phase == PROBATION:

@@ -17,6 +17,7 @@ from evertwin.ledger.versions import Versions
 from evertwin.loop.decision import Decision
 from evertwin.loop.disturbances import forget
 from evertwin.models.batch import mapped
+from evertwin.rows.alignment import reach
 from evertwin.rows.channels import measured
 from evertwin.rows.ring import Rows, called
 from evertwin.setup.setup import Setup
@@ -43,7 +44,14 @@ def unanswered(decision: Decision, setup: Setup, versions: Versions) -> bool:
     decision.state = state._replace(still=still)
     for k, columns in enumerate(setup.still.channels):
         if still.said[k] == SCATTERS and not _stands(setup, state.ring, columns):
-            still.said[k] = 0
+            still.said[k] = -1 - state.row
+    ends = still.said < 0
+    sound = int((-1 - still.said[ends]).max(initial=0)) + reach(setup.spec)
+    if ends.any() and state.row >= sound:
+        still.said[ends] = 0
+        if not still.said.any():
+            _left_out(decision, setup, sound)
+            return True
     if state.agenda.commissioned:
         for k, count in asked:
             _ask(decision, setup, versions, (k, count, DRIVEN))
@@ -53,8 +61,18 @@ def unanswered(decision: Decision, setup: Setup, versions: Versions) -> bool:
                 _ask(decision, setup, versions, (k, count, MUCH))
     if not still.said.any():
         return False
-    decision.remember(open=0, since=state.row)
+    _left_out(decision, setup, state.row)
     return True
+
+
+def _left_out(decision: Decision, setup: Setup, until: int) -> None:
+    """Rows since the beat before are of a channel that does not answer, up to ``until``: they are
+    in no window, and what was asked of them, or judged by them, is forgotten."""
+    state = decision.state
+    setup.ring.leave_out(state.ring, min(state.agenda.since, until), until - 1)
+    forget(decision)
+    since = max(state.agenda.since, until)
+    decision.remember(open=0, again=0, told=False, since=since)
 
 
 def _ask(
@@ -70,9 +88,9 @@ def _ask(
     if not outputs:
         return
     state.still.said[k] = SCATTERS if least == MUCH else 1
-    first = max(state.row - count - 1, state.ring.end - len(state.ring.t), 0)
+    first = max(state.row - count - 1 - reach(setup.spec), 0)
     setup.ring.leave_out(state.ring, first, state.row - 1)
-    forget(decision)
+    decision.remember(since=max(state.agenda.since, first))
     channels = measured(setup.spec, setup.model.inputs).items()
     name = next(name for name, (own, _) in channels if tuple(own) == columns)
     said = (

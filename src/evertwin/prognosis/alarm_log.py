@@ -7,15 +7,27 @@ hold alarms back for as long. No clock of the computer is asked, so the log stay
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
 
 from evertwin.config.prognosis import PrognosisSpec
 from evertwin.fold import Event
-from evertwin.prognosis.laws.alarms import RELEASE, Kind, alarm_of, has_cleared, within_budget
+from evertwin.prognosis.laws.alarms import (
+    RELEASE,
+    UNHELD,
+    Alarm,
+    Kind,
+    alarm_of,
+    has_cleared,
+    within_budget,
+)
 from evertwin.prognosis.lives import Lives
 from evertwin.prognosis.parameter_history import dated, history
 from evertwin.store import Store
+
+LITTLE = 0.05
+"""Part of the limit by which a value is worse than that of a false alarm, to alarm again."""
 
 
 class Day(NamedTuple):
@@ -41,23 +53,13 @@ def alarmed(store: Store, lives: Lives, rule: PrognosisSpec) -> tuple[Lives, tup
         rule: time ahead, accepted risk and budget.
     """
     today = _today(store)
-    active: dict[tuple[str, Kind], None] = {}
-    raised = []
-    for event in (e for e in store.read("event") if isinstance(e, Event)):
-        evidence: Any = event.evidence
-        if event.kind == "alarm":
-            active[event.signal, evidence["kind"]] = None
-            if evidence.get("by") == today.by:
-                raised.append((str(evidence["kind"]), float(evidence["day"])))
-        elif event.kind == "alarm_cleared":
-            active.pop((event.signal, evidence["kind"]), None)
-        elif event.kind == "maintained":
-            active = {key: None for key in active if key[0] != event.signal}
-    cleared = [key for key in active if _is_clear(key, lives, rule)]
+    active, mistaken, raised = _kept(store)
+    due = tuple(a for a in lives.alarms if not _mistaken(a, lives, mistaken))
+    cleared = [key for key, value in active.items() if _is_clear(key, value, lives, rule)]
     stands = [key for key in active if key not in cleared]
-    spent = within_budget(lives.alarms, stands, raised, today.number, rule.alarms)
-    held = {(a.component, a.kind) for a in spent.held}
-    shown = tuple(a for a in lives.alarms if (a.component, a.kind) not in held)
+    days = [(kind, day) for kind, day, by in raised if by == today.by]
+    spent = within_budget(due, stands, days, today.number, rule.alarms)
+    shown = tuple(a for a in due if a not in spent.held)
     events = [
         Event(0, today.stamp, "alarm_cleared", component, f"{kind}: no longer so", {"kind": kind})
         for component, kind in cleared
@@ -72,16 +74,70 @@ def alarmed(store: Store, lives: Lives, rule: PrognosisSpec) -> tuple[Lives, tup
     return replace(lives, alarms=shown, held=spent.held, alarms_today=spent.today), tuple(events)
 
 
+Key = tuple[str, Kind]
+
+
+def _kept(store: Store) -> tuple[dict[Key, Any], dict[Key, Any], list[tuple[str, float, str]]]:
+    """Of the log: the value that each alarm that stands was raised on; that of each that a person
+    called false since the last maintenance; kind and day of all, and what days are counted by."""
+    active, mistaken, raised = dict[Key, Any](), dict[Key, Any](), list[tuple[str, float, str]]()
+    every = dict[int, Event]()
+    for entry in store.entries(kinds=("event",)):
+        event = store.record(entry)
+        assert isinstance(event, Event)
+        evidence: Any = event.evidence
+        if event.kind == "alarm":
+            every[entry.number] = event
+            active[event.signal, evidence["kind"]] = evidence.get("value")
+            raised.append((str(evidence["kind"]), float(evidence["day"]), str(evidence.get("by"))))
+        elif event.kind == "alarm_cleared":
+            active.pop((event.signal, evidence["kind"]), None)
+        elif event.kind == "maintained":
+            for known in (active, mistaken):
+                for key in [key for key in known if key[0] == event.signal]:
+                    del known[key]
+        elif event.kind == "labelled" and evidence["event"] in every:
+            said: Any = every[evidence["event"]]
+            key = said.signal, said.evidence["kind"]
+            if evidence["verdict"] == "false alarm":
+                active.pop(key, None)
+                mistaken[key] = said.evidence.get("value")
+    return active, mistaken, raised
+
+
+def called_false(store: Store, component: str) -> tuple[float, ...]:
+    """Values of a component that lay beyond the limit by an alarm that a person called false."""
+    passed, found = dict[int, float](), list[float]()
+    for entry in store.entries(kinds=("event",)):
+        event: Any = store.record(entry)
+        evidence = event.evidence
+        if event.kind == "alarm" and evidence["kind"] == UNHELD and event.signal == component:
+            passed[entry.number] = evidence["value"]
+        elif event.kind == "labelled" and evidence["verdict"] == "false alarm":
+            found += [passed[n] for n in (evidence["event"],) if n in passed]
+    return tuple(found)
+
+
+def _mistaken(alarm: Alarm, lives: Lives, mistaken: Mapping[Key, Any]) -> bool:
+    """Did a person call it false, at a value that is hardly better?"""
+    said, now = mistaken.get((alarm.component, alarm.kind)), alarm.evidence.get("value")
+    if said is None or not isinstance(now, int | float):
+        return False
+    limit = lives.components[alarm.component].indicator.limit
+    return bool(limit.sign * (now - said) <= LITTLE * abs(limit.value))
+
+
 def _today(store: Store) -> Day:
     by_stamps = dated(store)
     known = history(store, "d" if by_stamps else "run")
     return Day(known.now, "stamps" if by_stamps else "runs", known.stamp)
 
 
-def _is_clear(key: tuple[str, Kind], lives: Lives, rule: PrognosisSpec) -> bool:
+def _is_clear(key: Key, value: Any, lives: Lives, rule: PrognosisSpec) -> bool:
     component, kind = key
     one = lives.components.get(component)
     if one is None:
         return False  # no longer looked at
     stands = alarm_of(component, one.indicator, one.life, rule.ahead, RELEASE * rule.risk)
-    return has_cleared(kind, one.life, stands)
+    left = value is not None and value not in one.indicator.value  # it counts no more
+    return (stands is None and left) or has_cleared(kind, one.life, stands)

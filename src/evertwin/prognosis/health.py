@@ -26,7 +26,7 @@ from evertwin.prognosis.laws import Indicator, Life, Limit, NotEnough
 from evertwin.prognosis.laws.indicator import divided
 from evertwin.prognosis.observed_series import Observed, component_of, in_unit, marks_of, warm_of
 from evertwin.prognosis.parameter_history import History
-from evertwin.signals.units import compatible
+from evertwin.signals.units import compatible, from_si
 from evertwin.sources.small_table import Table, read_table
 from evertwin.types import Vector
 
@@ -55,6 +55,40 @@ def check_names(rule: IndicatorSpec, model: Model, found: History) -> None:
             if name not in known:
                 hint = nearest(name, known) if known else "there is no covariate and no factor"
                 raise ConfigError(f"indicator {rule.name}: {key}: no {name!r}, {hint}")
+
+
+def names_of(rule: IndicatorSpec) -> tuple[str, ...]:
+    """The tuned parameters that an indicator tells of."""
+    if rule.file is not None or rule.output is not None:
+        return ()
+    if rule.formula is not None:
+        return Formula.parse(rule.formula).names
+    return () if rule.parameter is None else (rule.parameter,)
+
+
+def uncounted(rule: IndicatorSpec, found: History, parameters: Parameters) -> tuple[str, ...]:
+    """Notes on what a fit said of an indicator last that does not count, and on what would look the
+    same as what does."""
+    names, told = names_of(rule), []
+    alike, left = found.in_doubt(names), found.newest(names)[1]
+    if left is not None and left.why:
+        known = [item for item in parameters if item.name in names and item.name in left.left]
+        value = ", ".join(
+            f"{one.name} {float(from_si(left.left[one.name][0], one.unit)):.4g} {one.unit}"
+            for one in known
+        )
+        at = (
+            f"{left.at:.6g} {found.clock}"
+            if found.calendar is None
+            else found.calendar.said(left.at)
+        )
+        told.append(f"{rule.name}: {value}, told at {at}, does not count: {left.why}")
+    if alike:
+        told.append(
+            f"{rule.name}: {'; '.join(alike)}; no alarm is raised by it until somebody says "
+            "which it is: evertwin label … cause"
+        )
+    return tuple(told)
 
 
 def series_of(

@@ -14,15 +14,16 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from evertwin.errors import ConfigError
-from evertwin.fold import Answer, Event
+from evertwin.fold import Event
 from evertwin.models import Parameters
+from evertwin.prognosis.believed import Told, believed
 from evertwin.prognosis.laws.calendar import FIRST, LAST, UNITS, Calendar
 from evertwin.signals.units import conversion
 from evertwin.store import Estimate, Store
@@ -147,6 +148,12 @@ class Moment:
     """Output → rms(residual) / rms(measured) before the fit."""
     since_start: float = 0.0
     """Time in the run [s]."""
+    left: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    """What it said that does not count."""
+    why: str = ""
+    """Why that does not count."""
+    alike: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    """Parameter → what would look the same as what it found."""
 
 
 @dataclass(frozen=True)
@@ -229,6 +236,19 @@ class History:
         place = np.searchsorted(times, at, side="right") - 1
         return np.where(place >= 0, values[name][np.maximum(place, 0)], np.nan)
 
+    def newest(self, names: Sequence[str]) -> tuple[Moment | None, Moment | None]:
+        """The newest moment that tells of any of ``names``; and the newest of which that does not
+        count."""
+        found = [m for m in self.moments if any(n in m.found for n in names)]
+        left = [m for m in self.moments if any(n in m.left for n in names)]
+        return found[-1] if found else None, left[-1] if left else None
+
+    def in_doubt(self, names: Sequence[str]) -> tuple[str, ...]:
+        """What would look the same as the newest values of ``names``."""
+        newest = self.newest(names)[0]
+        each = () if newest is None else (newest.alike.get(name, ()) for name in names)
+        return tuple(dict.fromkeys(said for some in each for said in some))
+
     def since_start(self, at: Vector) -> Vector:
         """Time in the run at each of some moments [s]."""
         known = {moment.at: moment.since_start for moment in self.moments}
@@ -240,48 +260,35 @@ def history(store: Store, clock: str, parameters: Parameters | None = None) -> H
 
     ``parameters``: of the model, for the units of those that it does not keep in SI.
     """
-    fits = [r for r in store.read("estimate") if isinstance(r, Estimate)]
-    deviations = _deviations(store)
-    groups = _groups(fits)
+    told = [one for one in believed(store) if one.estimates]
     units = {item.name: conversion(item.unit) for item in parameters or ()}
-    at = _clock([group[0] for group in groups], clock)
+    first = [one.estimates[0] for one in told]
     moments = tuple(
-        Moment(
-            moment,
-            _found(group, units),
-            deviations.get(_key(group[0]), {}),
-            group[0].elapsed * 1e-9,
-        )
-        for moment, group in zip(at, groups, strict=True)
+        _moment(at, one, units) for at, one in zip(_clock(first, clock), told, strict=True)
     )
     said = labels([e for e in store.read("event") if isinstance(e, Event)], clock)
-    stamp = fits[-1].time if fits else 0
+    stamp = first[-1].time if first else 0
     calendar = None
-    if clock in UNITS and FIRST < stamp * 1e-9 < LAST and _stamps_rise([g[0] for g in groups]):
+    if clock in UNITS and FIRST < stamp * 1e-9 < LAST and _stamps_rise(first):
         calendar = Calendar(clock, zoned=True)
     return History(moments, clock, standing(said), said, stamp, calendar)
 
 
 def dated(store: Store) -> bool:
     """Do the stamps of the recordings rise from run to run, so that they tell the date?"""
-    fits = [r for r in store.read("estimate") if isinstance(r, Estimate)]
-    return _stamps_rise([group[0] for group in _groups(fits)])
+    return _stamps_rise([one.estimates[0] for one in believed(store) if one.estimates])
 
 
-def _key(one: Estimate) -> tuple[int, int, int, int]:
-    return one.row, one.time, one.task, one.elapsed
-
-
-def _groups(fits: Iterable[Estimate]) -> list[list[Estimate]]:
-    """Estimates of one fit together, in the order of the log."""
-    groups: list[list[Estimate]] = []
-    for one in fits:
-        same = groups and _key(groups[-1][0]) == _key(one)
-        if same and one.name not in {other.name for other in groups[-1]}:
-            groups[-1].append(one)
-        else:
-            groups.append([one])
-    return groups
+def _moment(at: float, one: Told, units: Mapping[str, tuple[float, float]]) -> Moment:
+    found, first = _found(one.estimates, units), one.estimates[0]
+    shares = {name: item.get("deviation_before") for name, item in one.outputs.items()}
+    # what a sensor was off by, no output of the machine was
+    off = {n: float(v) for n, v in shares.items() if v is not None and not one.by}
+    left = found if one.against else {}
+    alike = {name: one.alike for name in found if one.alike and name not in one.beyond}
+    return Moment(
+        at, {} if one.against else found, off, first.elapsed * 1e-9, left, one.against, alike
+    )
 
 
 def _found(
@@ -295,22 +302,6 @@ def _found(
         factor, zero = units.get(one.name, (1.0, 0.0))
         sigma = half * factor if np.isfinite(half) and half > 0 else np.nan
         found[one.name] = (one.value * factor + zero, sigma)
-    return found
-
-
-def _deviations(store: Store) -> dict[tuple[int, int, int, int], dict[str, float]]:
-    """Deviation of each output before each fit, by the fit's time, task and time in tasks."""
-    found: dict[tuple[int, int, int, int], dict[str, float]] = {}
-    rows = iter(r for r in store.read("estimate") if isinstance(r, Estimate))
-    keys = [_key(group[0]) for group in _groups(rows)]
-    records = (store.record(entry) for entry in store.entries(kinds=("answer", "event")))
-    told: list[Any] = [r.content if isinstance(r, Answer) else r.evidence
-                       for r in records if isinstance(r, Answer | Event)]  # fmt: skip
-    fits = [content for content in told if content.get("fit")]
-    for key, content in zip(keys, fits, strict=False):
-        outputs = content["fit"].get("outputs", {})
-        shares = {name: item.get("deviation_before") for name, item in outputs.items()}
-        found[key] = {name: float(v) for name, v in shares.items() if v is not None}
     return found
 
 

@@ -11,19 +11,24 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+import numpy as np
+
 from evertwin.ahead.basis import Basis
 from evertwin.ahead.whatif import Today, today
 from evertwin.config.prognosis import IndicatorSpec, PrognosisSpec
 from evertwin.errors import ConfigError
+from evertwin.prognosis.alarm_log import called_false
 from evertwin.prognosis.another_type import of_its_type
 from evertwin.prognosis.contradictions import check_end, check_limit
 from evertwin.prognosis.course import Course, course, courses_by_law
 from evertwin.prognosis.health import (
     check_names,
     indicator_of,
+    names_of,
     seen,
     series_of,
     today_of,
+    uncounted,
     unless_overdue,
 )
 from evertwin.prognosis.laws import (
@@ -125,6 +130,11 @@ class Prospect:
             check_limit(found, file, alone=False)
             check_end(found, file, self.table)
             check_steps(found, file, known.lines)
+        else:
+            more = uncounted(rule, self.history, parameters)
+            value, false = found.value, called_false(self.basis.store, component_of(rule))
+            value = np.where(np.isin(value, false), np.nan, value)
+            found = found.with_(value=value, notes=(*found.notes, *more))
         kept = self.table is not None or rule.file or self.history.moments
         if kept or self.basis.setup.spec.store.path is not None:
             return found
@@ -213,12 +223,17 @@ class Prospect:
         due = (
             alarm_of(name, one.indicator, one.life, self.rule.ahead, self.rule.risk)
             for name, one in components.items()
+            if not self._in_doubt(one.rule)
         )
         return Lives(
             spec.name, self.rule.clock, components, self._machine(components),
             tuple(alarm for alarm in due if alarm is not None), dates=self.dates,
             indicators=every, left_out=self.history.notes, now=self.now,
         )  # fmt: skip
+
+    def _in_doubt(self, rule: IndicatorSpec) -> bool:
+        """May it be a sensor that looks as the wear does?"""
+        return self.table is None and bool(self.history.in_doubt(names_of(rule)))
 
     @property
     def dates(self) -> tuple[float, ...]:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from evertwin.gauges.sensor_change import SensorChange
+from evertwin.ledger.caveats import in_doubt_of
 from evertwin.rows.ring import called
 from evertwin.setup.task import Windows
 from evertwin.tuning import Fit, Problem
@@ -48,11 +49,26 @@ def not_told(problem: Problem, fit: Fit) -> list[dict[str, Any]]:
 def of_a_sensor(found: SensorChange, *events: dict[str, Any]) -> dict[str, Any]:
     """The content of an answer: a channel is not what it was, or is said to be; nothing is learned
     from it, and nothing that was learned from it stays on trial."""
-    said = event("abnormal", found.channel, found.said, {"number": found.number})
+    evidence = {"number": found.number, "since": found.since}
+    said = event("abnormal", found.channel, found.said, evidence)
     return {
         "events": [*events, said], "sensor": found.channel, "refused": found.refused,
         "lasts": found.since is not None,
     }  # fmt: skip
+
+
+def against(content: Mapping[str, Any]) -> str:
+    """What speaks against the numbers of an answer until a trial has proven them, where the version
+    had held; empty: nothing does.
+
+    >>> against({"events": [event("abnormal", "", "tuning drives c to a bound", {})]})
+    'tuning drives c to a bound'
+    """
+    for one in content["events"]:
+        alike, reason = in_doubt_of(one["reason"]), str(one["reason"])
+        if alike or one["kind"] in ("abnormal", "corrected") or one["evidence"].get("short"):
+            return alike[0] if alike else reason
+    return ""
 
 
 UNDONE = {

@@ -11,9 +11,10 @@ from evertwin.gauges.elsewhere import elsewhere
 from evertwin.gauges.gauge import misgauged, reread
 from evertwin.gauges.input_alike import alike_inputs
 from evertwin.gauges.offset import leapt
-from evertwin.gauges.output_shift import SAME, SENSOR, shifted_output
+from evertwin.gauges.output_shift import shifted_output
 from evertwin.gauges.sensor_change import SensorChange
 from evertwin.gauges.stuck import stuck
+from evertwin.ledger.caveats import caveats_of
 from evertwin.refit.tuner import ENOUGH, Tuner
 from evertwin.setup.task import Task
 from evertwin.tuning import Fit, Problem
@@ -28,16 +29,6 @@ def caveats(task: Task, content: dict[str, Any]) -> None:
     old, new = (caveats_of(reason) for reason in (task.version.reason, found["reason"]))
     kept = [said for channel, said in old.items() if channel not in new]
     found["reason"] = "; ".join([found["reason"], *kept])
-
-
-def caveats_of(reason: str) -> dict[str, str]:
-    """What would look the same, in the reason of a version, by channel.
-
-    >>> caveats_of("tuned c; a sensor of pow that is off by +5 kW at row 9 would look the same")
-    {'pow': 'a sensor of pow that is off by +5 kW at row 9 would look the same'}
-    """
-    said = [part for part in reason.split("; ") if part.startswith(SENSOR) and part.endswith(SAME)]
-    return {part.removeprefix(SENSOR).split(" that ")[0]: part for part in said}
 
 
 class Asked(NamedTuple):

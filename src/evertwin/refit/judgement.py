@@ -78,7 +78,8 @@ def _judged(setup: Setup, problem: Problem, fit: Fit) -> Verdict:
         return replace(found, kind="abnormal", reason=f"{short}: the form does not reach it")
     part = explained(fit, fit.noise)
     if found.cause or part >= NEARLY_ALL:  # the window may hold rows of the machine as it was
-        return replace(found, reason=f"{found.reason}; {short}")
+        evidence = {**found.evidence, "short": part < NEARLY_ALL}
+        return replace(found, reason=f"{found.reason}; {short}", evidence=evidence)
     reason = f"{short}, and explains {100 * part:.0f} %: the form does not reach it"
     reason += "" if setup.static else "; [correction] terms names none that may be tried"
     return replace(found, kind="abnormal", reason=reason, alone=True)

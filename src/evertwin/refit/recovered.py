@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from evertwin.gauges.sensor_change import unmeasured
 from evertwin.refit.answering import event
 from evertwin.setup.evaluation import scale_of, sizes
 from evertwin.setup.task import Task, Windows
@@ -24,6 +25,7 @@ ALIKE = 1.2
 """So many times what tuned numbers leave a machine that is as it was leaves at most."""
 
 
+@unmeasured()
 def recovered(
     work: Work, task: Task, windows: Windows, events: list[dict[str, Any]]
 ) -> dict[str, Any] | None:

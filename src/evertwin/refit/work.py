@@ -33,6 +33,7 @@ from evertwin.models import Model
 from evertwin.models.form import Form, Version
 from evertwin.models.terms.registry import kind
 from evertwin.refit.answering import (
+    against,
     changed_since,
     event,
     goes_on,
@@ -109,6 +110,8 @@ class Work(Tuner):
                 content = content or (self.fit(task) if task.kind == "fit" else {})
             self._refuse(task, content)
             caveats(task, content)
+            if task.held and "fit" in content:
+                content["against"] = against(content)
             if task.rival is not None and not (content.get("candidate") or {}).get("brief"):
                 content = self._surpassing(task, task.rival, content)
             if task.kind == "fit" and task.doubt[0]:
@@ -162,7 +165,7 @@ class Work(Tuner):
             gain = MUCH if self._pays(task, rival, unseen) else self.setup.trial.margin
             if np.nanmean(new / self.left(rival, rows)) <= 1.0 - gain:
                 return content
-        keys = ("next", "lacking", "fit" if task.kind == "fit" else "")
+        keys = ("next", "lacking", *(("fit", "against") if task.kind == "fit" else ()))
         return {"events": []} | {k: content[k] for k in keys if k in content}
 
     def _pays(self, task: Task, rival: Version, unseen: Windows) -> bool:

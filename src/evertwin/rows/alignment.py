@@ -35,6 +35,7 @@ from evertwin.signals.units import compatible
 from evertwin.sync import Align, AlignState, Feed, Rows
 from evertwin.sync.derive import Derive, DeriveState, Operation, Taken
 from evertwin.sync.horizon import nanoseconds
+from evertwin.sync.steady_loop import LONGEST
 
 QUIET = ("task_shifted",)
 """Notes of the alignment that are no event of the machine."""
@@ -276,6 +277,16 @@ def _operations(spec: TwinSpec) -> tuple[Operation, ...]:
         for o in spec.derive
     )  # fmt: skip
     return (*first, *derived)
+
+
+def reach(spec: TwinSpec) -> int:
+    """Rows on either side that a row is computed from, at most."""
+    wide, rate = [one for one in _operations(spec) if one.op in WIDE], spec.clock.rate or 0.0
+    rows = {"derivative": LONGEST + 1}
+    return sum(
+        one.low_pass.delay if one.low_pass else rows.get(one.op, round(0.5 * one.value * rate))
+        for one in wide
+    )
 
 
 def low_pass(spec: TwinSpec) -> Symmetric:

@@ -87,8 +87,8 @@ class Condition:
         self._timeouts, self._stale, self._asked = timeouts, stale, asked
         self._newest: dict[str, float] = {}
         self._period: dict[str, float] = {}
-        self._worn: dict[tuple[str, str], str] = {}
-        """Component and kind of alarm → why, of lives that are over or end soon."""
+        self._worn: dict[tuple[str, str], tuple[int, str]] = {}
+        """Component and kind of alarm → its event and why, of lives that are over or end soon."""
         self._out: Alarm | None = None
         self._returned: dict[str, Any] | None = None
         self._said: dict[tuple[str, str], str] = {}
@@ -142,9 +142,17 @@ class Condition:
             which = signal, str((event.get("evidence") or {}).get("kind", ""))
             self._worn.pop(which, None)
             if kind == "alarm":
-                self._worn[which] = reason
+                self._worn[which] = number, reason
         elif kind == "maintained":
             self._worn = {one: why for one, why in self._worn.items() if one[0] != signal}
+
+    def lived(self, alarms: Iterable[Mapping[str, Any]]) -> None:
+        """What alarms of lives say now, where they stand: with the figures that lives are told
+        with."""
+        for one in alarms:
+            which = str(one["component"]), str(one["kind"])
+            if which in self._worn:
+                self._worn[which] = self._worn[which][0], str(one["reason"])
 
     def recalled(
         self, events: Iterable[Mapping[str, Any]], looks: Sequence[tuple[int, Now]]
@@ -205,6 +213,8 @@ class Condition:
             out.label = verdict
         elif self._returned is not None and number == self._returned["event"]:
             self._returned["label"] = verdict
+        if verdict == "false alarm":
+            self._worn = {one: why for one, why in self._worn.items() if why[0] != number}
         for lies in self._refused.values():
             lies.label = verdict if lies.event == number else lies.label
 
@@ -231,7 +241,7 @@ class Condition:
         elif out is not None:
             condition, why = "out_of_specification", out.now or out.reason
         elif self._worn or self._sensors(now):
-            told = *dict.fromkeys(self._worn.values()), self._sensors(now)
+            told = *dict.fromkeys(why for _, why in self._worn.values()), self._sensors(now)
             condition, why = "maintenance_required", "; ".join(filter(None, told))
         return {
             "condition": condition, "why": why, "stale": stale,

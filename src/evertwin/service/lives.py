@@ -1,4 +1,5 @@
-"""How long a running twin's components last, told anew whenever what tells wear was tuned.
+"""How long a running twin's components last, told anew whenever what tells wear was tuned, or what
+of it counts has changed.
 
 It is looked at beside the twin's work, in a process of its own; alarms that are due, or clear, go
 into the log, and publishers hear how long each component lasts.
@@ -18,6 +19,7 @@ from evertwin.config import TwinSpec
 from evertwin.errors import EvertwinError
 from evertwin.fold import Block
 from evertwin.prognosis import alarmed
+from evertwin.prognosis.believed import WEIGHS
 from evertwin.service.questions import beside, planned, reading
 
 if TYPE_CHECKING:
@@ -31,13 +33,14 @@ AGAIN = 10.0
 async def tell_lives(runner: Runner) -> None:
     """Tells of lives whenever something new is known of them; what cannot be told is tried again
     with the next value."""
-    known, why = 0, ""
+    known, why = (0, 0), ""
     while True:
         await asyncio.sleep(AGAIN)
         work = runner.work
-        if work is None or work.estimates == known:
+        weighs = max((n for n, event in runner.events if event["kind"] in WEIGHS), default=0)
+        if work is None or (work.estimates, weighs) == known:
             continue
-        known = work.estimates
+        known = work.estimates, weighs
         try:
             await runner.lives(await beside(runner, lived))
         except EvertwinError as error:

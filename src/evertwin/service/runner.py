@@ -355,6 +355,7 @@ class Runner:
         """How long its components last: alarms into the log, all of it to publishers."""
         if found["events"]:
             self._take(await self.ask(lambda work: work.said(found["events"])))
+        self.condition.lived(found["life"]["alarms"])
         self._out("life", found["life"])
 
     async def answer(self, kind: Kind, question: Mapping[str, Any]) -> Mapping[str, Any]:
