@@ -80,7 +80,7 @@ def headline(
         )
     else:
         outcome = f"Nothing was predicted: {_why_none(measured)}."
-    told = [*faults.values(), outcome, *went_back(events)]
+    told = [*faults.values(), outcome, *went_back(events, champion.number)]
     if doubted and doubted not in outcome:  # of a sensor in front; the machine may be elsewhere
         place = len(told) if doubted.startswith(OUTSIDE) else 0
         told.insert(place, f"{doubted[0].upper()}{doubted[1:]}.")
