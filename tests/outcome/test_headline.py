@@ -13,8 +13,8 @@ from evertwin.correction.spec import CorrectionSpec
 from evertwin.errors import UsageError
 from evertwin.fold import Event
 from evertwin.outcome.headline import first_of_rows, headline
-from evertwin.outcome.lives import went_back
 from evertwin.outcome.jumps import usual_most
+from evertwin.outcome.lives import went_back
 from evertwin.outcome.open_faults import open_faults
 from evertwin.outcome.open_trial import OpenTrial
 from evertwin.outcome.result import OutputFigures
