@@ -185,7 +185,7 @@ def sent(n: int, ts: float, number: object) -> bytes:
 
 @pytest.mark.system
 @pytest.mark.parametrize("numbered", [True, False])
-@pytest.mark.parametrize("count", [3, 6, 20])
+@pytest.mark.parametrize("count", [3, 20])
 def test_a_gateway_s_backlog_is_late_and_not_lost(
     tmp_path: Path, count: int, numbered: bool
 ) -> None:
@@ -204,7 +204,7 @@ def test_a_gateway_s_backlog_is_late_and_not_lost(
             for k, n in enumerate(order[1:], start=1):
                 client.publish("robot/state", sent(n, 5.0 * n, n), qos=1)
                 if not 64 - count <= k < 64:  # the machine takes its time, the gateway does not
-                    time.sleep(0.02)
+                    time.sleep(0.05)
             client.loop_stop()
 
         living = threading.Thread(target=life)

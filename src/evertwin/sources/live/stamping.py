@@ -45,7 +45,7 @@ CLOCKS = 16
 """Clocks that are remembered."""
 WIDE = 1.5
 """Steps from which on a stamp is missing."""
-FASTER = 3.0
+FASTER = 2.0
 """Times the machine's own pace, from which on it was not made as it comes."""
 BACK = FAR // 10
 """A clock that comes so near [ns] to one that held before is that."""
