@@ -243,7 +243,7 @@ def _outcome(
         more = "nothing else" if named >= 0 or _last(events, "followed") else "nothing"
         free = [name for name, f in known.items() if math.isnan(f.judged)]
         rest = f" No limit is asked of {', '.join(free)}." if free else ""
-        again = " again" if went_back(events) else f", and {more} was changed"
+        again = " again" if went_back(events, versions[0].number) else f", and {more} was changed"
         return f"The twin fits its machine{again}: {now}{lead}{asked}.{rest}"
     last = doubts[-1]
     times = f"{len(doubts)} time{'s' * (len(doubts) > 1)}"

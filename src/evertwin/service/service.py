@@ -210,6 +210,7 @@ class Service:
             notify("WATCHDOG=1")
             for runner in tuple(self.runners.values()):
                 runner.beat()
+                runner.watch()
                 if runner.due is not None and runner.due < time.monotonic():
                     runner.due = None
                     self._tasks.append(asyncio.create_task(self._anew(runner)))

@@ -60,13 +60,13 @@ def _at(tree: Any, path: str) -> Raw:
 class Gap(NamedTuple):
     """Numbers that never came.
 
-    >>> Gap(7, 8, 2, "a full queue").count
+    >>> Gap(7, 8, 2, "a full queue").lost
     2
     """
 
     first: int
     last: int
-    count: int
+    lost: int
     """So many of them were lost; others came, and their number could not be read."""
     cause: str
 
@@ -166,18 +166,18 @@ class Count:
         if gap is None:
             return 0
         self._gaps.remove(gap)
-        return gap.count
+        return gap.lost
 
     def _fill(self, gap: Gap, number: int) -> int:
         self._gaps.remove(gap)
-        left = max(gap.count - 1, 0)
+        left = max(gap.lost - 1, 0)
         for first, last in ((gap.first, number - 1), (number + 1, gap.last)):
             if first <= last:
                 count = min(left, last - first + 1)
                 left -= count
                 self._gaps.append(Gap(first, last, count, gap.cause))
         self.cause = gap.cause
-        return -1 if gap.count else 0
+        return -1 if gap.lost else 0
 
 
 def _countable(number: Raw) -> TypeGuard[int | float]:
