@@ -109,6 +109,10 @@ def test_the_configuration_is_taken_anew_without_a_stop(hall: Path) -> None:
         file.write_text(file.read_text().replace("workers = 0", "workers = 0\nqueue = 9", 1))
         code, told = served.ask("/api/v1/reload", {})
         assert (code, told["started"], told["stopped"]) == (200, ["one"], [])
+        kept = file.read_text()
+        for text, later in ((kept.replace("port = 0", "port = 1"), ["port"]), (kept, [])):
+            file.write_text(text)
+            assert served.ask("/api/v1/reload", {})[1]["after_restart"] == later
 
 
 def test_a_typo_in_a_twin_file_changes_nothing_and_is_told(hall: Path) -> None:
