@@ -189,12 +189,12 @@ class Mqtt(Line):
         if self.broker.sequence is not None:
             self._counted(refused=self.told.refused > refused)
         clock = self.decoder.clock
-        if chunks:
-            for chunk in chunks:
-                self._given.setdefault(int(chunk.t[0]), [])
-            self._given[int(chunks[-1].t[0])] += self._waiting
-        elif clock.holds:
+        for chunk in chunks:
+            self._given.setdefault(int(chunk.t[0]), [])
+        if clock.holds:  # what is held may be among those that wait
             return chunks
+        if chunks:
+            self._given[int(chunks[-1].t[0])] += self._waiting
         elif clock.judged in self._given:
             self._given[clock.judged] += self._waiting  # given, and not stored yet
         else:
