@@ -223,7 +223,7 @@ def main(kills: int = 100, seed: int = 1, speed: float = 10.0) -> int:
         arm = arm_options(worn, f"127.0.0.1:{ports['modbus']}", "")
         robot = robot_options(both, f"127.0.0.1:{broker.port}", topics="command,pose")
         site = site_of(folder, ports)
-        site.write_text(re.sub(r"(?m)^store = ", "warm = false\nstore = ", site.read_text()))
+        site.write_text(re.sub(r"(?m)^warm = .*", "warm = false", site.read_text()))
         with Served(site):  # once whole: the broker knows from here on for whom it keeps what comes
             time.sleep(10.0)
         machines = [LiveMachine("arm", arm), LiveMachine("robot", robot)]

@@ -38,6 +38,7 @@ BROAD_EXCEPT = {
     ("app/cli.py", "main"): "the last edge: an unforeseen error becomes exit code 101",
     ("sources/foreign.py", "foreign"): "readers of others: no reader says all that it may raise",
     ("engine/pool.py", "serve"): "what a job raises is raised where its result is taken",
+    ("service/lane.py", "_run"): "what a job raises is raised where its result is taken",
     ("engine/worker.py", "_outcome"): "what a job raises travels to the parent, which raises it",
     (
         "models/function.py",

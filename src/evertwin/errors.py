@@ -200,12 +200,13 @@ class LawBroken(EvertwinError):
 def nearest(name: object, known: Iterable[str]) -> str:
     """What a message about an unknown name ends with.
 
-    >>> nearest("gravty", ["tip", "gravity"]), nearest("x", ["tip", "gravity"])
-    ("did you mean 'gravity'?", 'there are tip, gravity')
+    >>> nearest("gravty", ["tip", "gravity"]), nearest("x", ["tip", "gravity"]), nearest("x", [])
+    ("did you mean 'gravity'?", 'there are tip, gravity', 'there are none')
     """
     names = list(known)
     near = difflib.get_close_matches(str(name), names, n=1)
-    return f"did you mean {near[0]!r}?" if near else f"there are {', '.join(names)}"
+    there = f"there are {', '.join(names)}" if names else "there are none"
+    return f"did you mean {near[0]!r}?" if near else there
 
 
 def reason_of(error: BaseException) -> str:

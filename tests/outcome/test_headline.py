@@ -14,6 +14,7 @@ from evertwin.errors import UsageError
 from evertwin.fold import Event
 from evertwin.outcome.headline import first_of_rows, headline
 from evertwin.outcome.jumps import usual_most
+from evertwin.outcome.lives import went_back
 from evertwin.outcome.open_faults import open_faults
 from evertwin.outcome.open_trial import OpenTrial
 from evertwin.outcome.result import OutputFigures
@@ -45,6 +46,13 @@ def said(
             for kind in kinds
         ]
         return headline(twin.setup, figures(before, after), (champion,), events, trial)
+
+
+def test_what_went_back_is_not_called_live_where_another_was_pinned_since() -> None:
+    went = Event(9, 0, "promoted", "", "2 replaces 1, e-value 9; c 1 → 2", {"version": 2})
+    back = Event(19, 0, "rolled_back", "", "", {"version": 1})
+    assert "version 1, which is live again" in went_back([went, back], 1)[0]
+    assert went_back([went, back], 2) == ()
 
 
 def test_better_is_said_in_millimetres_with_what_was_changed() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import shutil
+import signal
 import socket
 import subprocess
 import sys
@@ -290,6 +291,81 @@ def test_it_goes_on_by_itself_where_the_service_was_killed(shown: Shown) -> None
     told = shown.served.ask("/api/v1/twins/robot/events?last=500")[1]["events"]
     assert numbers == sorted(set(numbers)) == [e["number"] for e in told][: len(numbers)]
     shown.errors.clear()  # the browser tells each question that found nobody
+
+
+@pytest.mark.parametrize("place", ["", "twin/robot/live", "twin/robot/improvement"])
+def test_what_a_service_that_hangs_said_last_is_stale(shown: Shown, place: str) -> None:
+    """The line is up and nothing comes by it: the page tells by its own clock."""
+    shown.awake()
+    page, process = shown.go(place), shown.served.process
+    seen = ".tile, #verdict"
+    page.wait_for_selector(seen)
+    page.wait_for_timeout(1000)
+    assert "STALE" not in page.inner_text("#main").upper()
+    os.kill(process.pid, signal.SIGSTOP)
+    try:
+        page.wait_for_function(
+            "() => document.getElementById('banner').textContent.includes('does not answer')",
+            timeout=6000,
+        )
+        page.wait_for_timeout(2500)
+        said = page.inner_text(seen)
+        assert "STALE" in said.upper() and "has not answered for" in said, said
+        assert "All" not in page.inner_text("#main")[:200] or place
+        assert page.query_selector("#main .sign.good") is None
+        ages = []
+        for _ in range(2):
+            ages.append(float(re.findall(r"answered for (\d+) s", page.inner_text(seen))[0]))
+            page.wait_for_timeout(2200)
+        assert ages[0] >= 3 and ages[1] >= ages[0] + 1
+    finally:
+        os.kill(process.pid, signal.SIGCONT)
+    page.wait_for_function(
+        "() => !document.getElementById('banner').classList.contains('on')", timeout=15_000
+    )
+    page.wait_for_timeout(1500)
+    assert "not answered" not in page.inner_text(seen)
+    shown.errors.clear()
+
+
+PINNED = """async () => {
+  const { pinnedLive } = await import("/static/verdict.js");
+  const event = (kind, version) => ({ kind, evidence: { version } });
+  const told = [event("promoted", 1), event("promoted", 2), event("rolled_back", 1)];
+  const by = (version, ...more) => pinnedLive([...told, ...more], version)?.kind ?? null;
+  return [by(1), by(2, event("pinned", 2)), by(1, event("pinned", 1)), by(1, event("pinned", 2))];
+}"""
+
+
+def test_a_pin_keeps_what_is_live_and_asks_before_it_changes_that(shown: Shown) -> None:
+    shown.awake()
+    page, served = shown.go("twin/robot/improvement"), shown.served
+    assert page.evaluate(PINNED) == [None, "pinned", None, None]
+    served.until(lambda status: status["twins"][0]["versions"] > 1)
+    versions = served.ask("/api/v1/twins/robot")[1]["versions"]
+    first = {"order": "promote", "version": 0, "person": "ada", "reason": "as it was"}
+    if served.twin("robot")["champion"]:
+        served.ask("/api/v1/twins/robot/orders", first)
+        served.until(lambda status: status["twins"][0]["champion"] == 0)
+    page.reload()
+    page.wait_for_selector("#order-pin")
+    page.wait_for_function("() => document.getElementById('version').options.length > 1")
+    assert page.input_value("#version") == "0" != str(versions[-1]["number"])
+    assert ", live" in page.inner_text("#version option:checked")
+    asked = list[str]()
+    page.once("dialog", lambda box: (asked.append(box.message), box.dismiss()))
+    page.fill("#person", "ada")
+    page.fill("#reason", "over the weekend")
+    page.select_option("#version", str(versions[-1]["number"]))
+    page.click("#order-pin")
+    page.wait_for_selector("text=nothing was changed")
+    assert "goes live in place of 0" in asked[0] and not served.twin("robot")["pinned"]
+    page.select_option("#version", "0")
+    page.click("#order-pin")
+    served.until(lambda status: status["twins"][0]["pinned"])
+    assert len(asked) == 1 and served.twin("robot")["champion"] == 0
+    unpin = {"order": "unpin", "version": None, "person": "ada", "reason": "go on"}
+    assert served.ask("/api/v1/twins/robot/orders", unpin)[0] == 200
 
 
 def test_the_past_is_drawn_without_a_seam(shown: Shown) -> None:

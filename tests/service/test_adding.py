@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import struct
+import threading
 import time
 from pathlib import Path
 from typing import Any
@@ -16,10 +18,13 @@ from pydantic import ValidationError
 from evertwin.config import read
 from evertwin.errors import UsageError
 from evertwin.service.adding import Column, Machine, added, first_twin, kinds, roles
+from evertwin.service.api_look import Look, _look
 from evertwin.service.site import SITE
 from evertwin.setup.configured_model import model_of
-from evertwin.sources.live.registry import read_settings
+from evertwin.sources.live.registry import open_live, read_settings
+from evertwin.sources.live.trying import some
 from tests.sources.live.test_modbus import server
+from tests.sources.live.test_mqtt import Broker, mosquitto
 
 BEGAN = time.monotonic()
 
@@ -62,6 +67,53 @@ def test_registers_become_a_twin_that_says_how_far_it_is_off(tmp_path: Path) -> 
     (entry,) = SITE.parse('schema = 1\nname = "hall"\n' + found["site"]).twin
     assert read_settings(asked.table).registers["x"].address == 2  # type: ignore[attr-defined]
     assert entry.file.endswith("cart.toml")
+
+
+def test_a_unit_behind_a_modbus_address_is_asked_by_its_number() -> None:
+    def third(asked: bytes) -> bytes:
+        return cart(asked) if asked[6] == 3 else asked[:4] + b"\0\3" + bytes([asked[6], 131, 11])
+
+    with server(third) as port:
+        found = asyncio.run(added(machine(port, device=3)))
+        lines = asyncio.run(_look(Look(protocol="modbus", port=port, device=3)))
+        with pytest.raises(HTTPException) as told:
+            asyncio.run(added(machine(port, seconds=0.5)))
+    assert found["rows"] >= 10 and "device = 3" in found["site"] and len(lines) > 3
+    assert "exception 11" in told.value.detail
+
+
+@pytest.mark.system
+@pytest.mark.parametrize(("unit", "factor"), [("s", 1), ("ms", 1e3), ("ns", 1e9)])
+def test_what_is_proposed_reads_the_machine_it_was_proposed_for(
+    tmp_path: Path, unit: str, factor: float
+) -> None:
+    ended = threading.Event()
+
+    def publish(broker: Broker) -> None:
+        while not ended.is_set():
+            t = time.time()
+            said = {"ts": t * factor if unit == "s" else int(t * factor), "v": 0.2, "x": 0.24 * t}
+            broker.publish([json.dumps(said).encode()], "cart/state")
+            time.sleep(0.05)
+
+    columns = [Column(place="ts", name="t", unit=unit), Column(place="v", name="v", unit="m/s"),
+               Column(place="x", name="x", unit="m")]  # fmt: skip
+    with mosquitto(tmp_path) as broker:
+        publishing = threading.Thread(target=publish, args=(broker,))
+        publishing.start()
+        try:
+            asked = machine(broker.port, protocol="mqtt", topic="cart/state", columns=columns)
+            found = asyncio.run(added(asked))
+            (tmp_path / "cart.toml").write_text(found["twin"])
+            spec = read(tmp_path / "cart.toml").source[0]
+            source = open_live(read_settings(asked.table), spec)
+            source.open()
+            chunks = asyncio.run(some(source, 5, 5.0))
+        finally:
+            ended.set()
+            publishing.join()
+    assert spec.time.unit == unit and len(chunks) >= 5
+    assert abs(chunks[0].t[0] * 1e-9 - time.time()) < 60
 
 
 def test_what_is_not_said_yet_is_asked() -> None:

@@ -329,3 +329,26 @@ def test_a_twin_whose_disk_was_full_goes_on_by_itself(
         stamps = np.concatenate([chunk.t for chunk in store.samples("log", -1, 2**62)])
     said = len((tmp_path / "run.csv").read_text().splitlines()) - 1
     assert len(stamps) == len(np.unique(stamps)) == said
+
+
+def test_a_model_that_hangs_is_put_into_quarantine_and_left(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    record_robot(tmp_path / "run.csv", "--light", "--world", "w3", "--seconds", "5", "--seed", "2")
+    monkeypatch.setattr(room, "HANGS", 0.2)
+    back = threading.Event()
+
+    async def during(one: Runner) -> None:
+        one.lane.submit(back.wait)
+        one.watch()
+        assert one.state == "running"  # not yet
+        await asyncio.sleep(0.5)
+        one.watch()
+
+    began = time.monotonic()
+    one = run(tmp_path, Fast(20), "", during, monkeypatch)
+    assert time.monotonic() - began < 20
+    assert one.state == "quarantined" and "not come back for" in one.reason
+    assert "threading.py" in one.reason and "(wait)" in one.reason
+    back.set()
+    one.lane._thread.join(10.0)  # its store is let go

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import signal
+import time
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -108,6 +109,10 @@ def test_the_configuration_is_taken_anew_without_a_stop(hall: Path) -> None:
         file.write_text(file.read_text().replace("workers = 0", "workers = 0\nqueue = 9", 1))
         code, told = served.ask("/api/v1/reload", {})
         assert (code, told["started"], told["stopped"]) == (200, ["one"], [])
+        kept = file.read_text()
+        for text, later in ((kept.replace("port = 0", "port = 1"), ["port"]), (kept, [])):
+            file.write_text(text)
+            assert served.ask("/api/v1/reload", {})[1]["after_restart"] == later
 
 
 def test_a_typo_in_a_twin_file_changes_nothing_and_is_told(hall: Path) -> None:
@@ -257,3 +262,54 @@ def test_older_days_go_to_files_and_are_read_back(hall: Path) -> None:
     found.write_bytes(found.read_bytes()[:-1])
     with pytest.raises(SystemExit, match="4"):
         main(["store", "verify", str(hall / "store" / "robot.db")])
+
+
+HANGS = """import os, time
+from evertwin import FunctionModel, Layout, Parameters
+def step(x, u, dt, p):
+    if os.path.exists("NOW"):
+        time.sleep(3600)
+    x1 = x[0] + dt * p[0] * u[0]
+    return [x1], [x1]
+position = Layout.of(x="m")
+gain = Parameters.of(gain=(1.0, "1"))
+model = FunctionModel(step, Layout.of(v="m/s"), position, position, gain)
+"""
+
+
+def test_a_model_that_never_comes_back_holds_up_nobody(hall: Path) -> None:
+    """Nor its own page, a reload that removes it, or the stop; and it is told."""
+    file = site(hall, "good", speed=5)
+    now = hall / "now"
+    (hall / "hang.py").write_text(HANGS.replace("NOW", str(now)))
+    text = (hall / "robot1d.toml").read_text()
+    model = 'kind = "python"\noptions = { file = "hang.py", name = "model" }'
+    at = text.index("[model]")
+    rest = text[text.index("\n[", at + 1) :]
+    (hall / "hang.toml").write_text(f"{text[:at]}[model]\n{model}\n{rest}")
+    entry = ENTRY.replace("robot1d.toml", "hang.toml").format(name="hang", speed=5)
+    alone = file.read_text()
+    file.write_text(alone + entry)
+    for removed in (True, False):
+        file.write_text(alone + entry)
+        now.unlink(missing_ok=True)
+        with Served(file) as served:
+            served.until(lambda status: status["twins"][1]["rows"] > 15)
+            now.touch()
+            served.until(lambda status: "not come back" in status["twins"][1]["why"], 60.0)
+            began = time.monotonic()
+            code, hung = served.ask("/api/v1/twins/hang")
+            assert code == 200 and time.monotonic() - began < 5 and hung["parameters"]
+            assert hung["condition"] == "check" and "hang.py:5 (step)" in hung["why"]
+            assert hung["busy"] > 5 and served.twin("good")["condition"] != "check"
+            before = served.twin("good")["rows"]
+            served.until(lambda status, rows=before: status["twins"][0]["rows"] > rows)
+            if removed:
+                file.write_text(alone)
+                began = time.monotonic()
+                code, told = served.ask("/api/v1/reload", {})
+                assert (code, told["stopped"]) == (200, ["hang"])
+                assert time.monotonic() - began < 15
+            began = time.monotonic()
+            assert served.end() == 0 and time.monotonic() - began < 20
+    assert "hang.py:5 (step)" in (hall / "log.jsonl").read_text()

@@ -71,6 +71,9 @@ def test_older_days_are_read_back_bit_for_bit(tmp_path: Path) -> None:
         assert len(everything(again)) == 65
     files = str(tmp_path / "r.db.days" / "arm" / "*.parquet")
     assert duckdb.sql(f"SELECT count(*) FROM read_parquet('{files}')").fetchall() == [(72,)]
+    asked = f"SELECT max(X), count(X), count(refused), min(refused) FROM read_parquet('{files}')"
+    most, believed, refused, which = duckdb.sql(asked).fetchall()[0]
+    assert most < 10.0 and (believed, refused, which) == (48, 24, "X")
     assert not (tmp_path / "x").exists()  # a source's name leads nowhere
 
 

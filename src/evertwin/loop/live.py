@@ -292,7 +292,9 @@ class Live:
             )
             return f"No rows yet{told if rows else ''}.", {}
         setup, found = self._run.setup, self._observer.figures(self._state)
-        said = headline(setup, found, self._succeeded, self._observer.events, self.trial)
+        measured = int(np.isfinite(self.view().measured).any(axis=1).sum())
+        events = self._observer.events
+        said = headline(setup, found, self._succeeded, events, self.trial, measured)
         agenda, live = self._state.agenda, self._state.live.version
         return also_pinned(said, live, pinned=agenda.pinned), found
 

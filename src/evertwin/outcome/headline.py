@@ -80,7 +80,7 @@ def headline(
         )
     else:
         outcome = f"Nothing was predicted: {_why_none(measured)}."
-    told = [*faults.values(), outcome, *went_back(events)]
+    told = [*faults.values(), outcome, *went_back(events, champion.number)]
     if doubted and doubted not in outcome:  # of a sensor in front; the machine may be elsewhere
         place = len(told) if doubted.startswith(OUTSIDE) else 0
         told.insert(place, f"{doubted[0].upper()}{doubted[1:]}.")
@@ -243,7 +243,7 @@ def _outcome(
         more = "nothing else" if named >= 0 or _last(events, "followed") else "nothing"
         free = [name for name, f in known.items() if math.isnan(f.judged)]
         rest = f" No limit is asked of {', '.join(free)}." if free else ""
-        again = " again" if went_back(events) else f", and {more} was changed"
+        again = " again" if went_back(events, versions[0].number) else f", and {more} was changed"
         return f"The twin fits its machine{again}: {now}{lead}{asked}.{rest}"
     last = doubts[-1]
     times = f"{len(doubts)} time{'s' * (len(doubts) > 1)}"

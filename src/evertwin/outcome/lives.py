@@ -29,13 +29,13 @@ def lives(events: Sequence[Event]) -> list[int]:
     return found
 
 
-def went_back(events: Sequence[Event]) -> tuple[str, ...]:
+def went_back(events: Sequence[Event], live: int) -> tuple[str, ...]:
     """Of an earlier version that went live again last: what was live before it, and from when to
-    when; nothing: none did.
+    when; nothing: none did, or another one is ``live`` now.
 
     >>> went = Event(9, 0, "promoted", "", "2 replaces 1, e-value 9; c 1 → 2", {"version": 2})
     >>> back = Event(19, 0, "rolled_back", "", "", {"version": 1, "since": 12})
-    >>> print(went_back([went, back])[0].replace("; ", "\\n"))
+    >>> print(went_back([went, back], 1)[0].replace("; ", "\\n"))
     Version 2 (c 1 → 2) was live from row 9 to 19
     from row 12 on the machine is again as at version 1, as after a repair.
     """
@@ -43,6 +43,8 @@ def went_back(events: Sequence[Event]) -> tuple[str, ...]:
     if not switches or switches[-1].kind != "rolled_back":
         return ()
     back: Any = switches[-1].evidence
+    if back["version"] != live:
+        return ()
     went = [e for e in switches if e.kind == "promoted" and e.evidence.get("version") is not None]
     if not went:
         return ()

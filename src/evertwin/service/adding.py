@@ -84,6 +84,8 @@ class Machine(BaseModel):
     port: int = Field(default=0, ge=0, le=65535)
     url: str = Field(default="", max_length=255)
     topic: str = Field(default="", max_length=200)
+    device: int = Field(default=1, ge=0, le=255)
+    """Modbus: the unit behind the address."""
     name: Name = "machine"
     kind: Kind
     columns: list[Column] = Field(min_length=1, max_length=64)
@@ -116,6 +118,7 @@ class Machine(BaseModel):
         else:
             told |= {"host": self.host} | ({"port": self.port} if self.port else {})
         told |= {"topic": self.topic} if self.protocol == "mqtt" else {}
+        told |= {"device": self.device} if self.protocol == "modbus" and self.device != 1 else {}
         told |= {} if self.stamped else {"stamp": "arrival"}
         key = {"modbus": "registers", "mqtt": "columns", "opcua": "nodes"}[self.protocol]
         modbus = self.protocol == "modbus"
@@ -162,8 +165,15 @@ async def added(asked: Machine) -> Mapping[str, Any]:
     found: Mapping[str, Any] = await asyncio.to_thread(run_alone, job, PATIENCE)
     newest = {name: float(x) if np.isfinite(x) else None for (name, _), x in zip(columns, v[-1])}
     seconds = float(t[-1] - t[0]) if len(t) > 1 else 0.0
-    site = _site(asked)
-    return {**found, "site": site, "newest": newest, "rows": len(t), "seconds": seconds}
+    twin, site = _timed(found["twin"], asked.source.time), _site(asked)
+    return {
+        **found,
+        "twin": twin,
+        "site": site,
+        "newest": newest,
+        "rows": len(t),
+        "seconds": seconds,
+    }
 
 
 async def _sampled(asked: Machine) -> tuple[np.ndarray, np.ndarray]:
@@ -253,6 +263,12 @@ def _live(text: str) -> str:
     """Without the recording that it was proposed for."""
     kept = [line for line in text.splitlines() if not line.startswith(("files = ", "match = "))]
     return "\n".join(["# Proposed for what the machine said: check columns and units.", *kept[1:]])
+
+
+def _timed(text: str, time: TimeSpec) -> str:
+    """With the machine's own time: what was sampled has seconds."""
+    return text.replace('time = { column = "t", unit = "s" }',
+                        f'time = {{ column = "t", unit = "{time.unit}" }}')  # fmt: skip
 
 
 def _site(asked: Machine) -> str:

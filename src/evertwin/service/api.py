@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import math
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
@@ -20,6 +21,8 @@ from evertwin.service.runner import Runner
 from evertwin.service.service import Service
 from evertwin.service.stream import stream
 
+SOON = 2.0
+"""Seconds that a twin has to say how it is now."""
 CODES = ((UsageError, 400), (DataError, 409), (StoreError, 503))
 
 
@@ -124,7 +127,8 @@ def _twins(app: FastAPI, service: Service) -> None:
         runner = found_at(service, name)
         about: Mapping[str, Any] = {} if runner.work is None else runner.work.about
         if runner.work is not None and runner.state == "running":
-            about = await in_time(runner.ask(lambda work: work.looked_at()))
+            with contextlib.suppress(TimeoutError):  # it is told as it was last
+                about = await asyncio.wait_for(runner.ask(lambda work: work.looked_at()), SOON)
         return {**about, **runner.status(), "versions": about.get("versions", [])}
 
     @app.get("/api/v1/twins/{name}/life")

@@ -52,6 +52,8 @@ class Look(BaseModel):
     port: int = Field(default=0, ge=0, le=65535)
     url: str = Field(default="", max_length=255)
     """OPC UA: where its server is."""
+    device: int = Field(default=1, ge=0, le=255)
+    """Modbus: the unit behind the address."""
 
 
 def found_at(service: Service, name: str) -> Runner:
@@ -167,9 +169,9 @@ async def _allowed(host: str | None) -> None:
 
 async def _look(at: Look) -> list[str]:
     form = sources.settings_of(at.protocol)
-    given: dict[str, Any] = {"host": at.host, "port": at.port, "url": at.url}
+    given: dict[str, Any] = at.model_dump(exclude={"protocol"}, exclude_defaults=True)
     named = {field.name for field in dataclasses.fields(form)}
-    chosen = {name: value for name, value in given.items() if value and name in named}
+    chosen = {name: value for name, value in given.items() if name in named}
     host = urlsplit(at.url).hostname if at.url else at.host
     try:
         await _allowed(host)

@@ -101,8 +101,7 @@ class AtWork:
         """Entries of the log that are known; values of numbers in them."""
         self._faults = Faults()
         self._row = -1
-        self._stored = 0.0
-        self._looked, self._when = 0, 0.0
+        self._looked, self._stored, self.since, self._when = 0, 0.0, 0.0, 0.0
         """Row, and second, at which what came of it was last told."""
         self.now = Now("not yet")
         """How the live version does on its newest rows."""
@@ -174,6 +173,7 @@ class AtWork:
             EvertwinError: the model, or the store, fails.
         """
         for one in kept:
+            self.since = time.monotonic()
             self.going.fold(one)
         rows, skipped = self._fresh(self.going.view(MOST))
         news = self._news()

@@ -32,7 +32,7 @@ async def together(queue: asyncio.Queue[T]) -> AsyncIterator[list[T]]:
 
 async def at_rest(
     reading: Sequence[asyncio.Task[None]], queues: Sequence[asyncio.Queue[Any]],
-    working: Sequence[asyncio.Task[None]],
+    working: Sequence[asyncio.Task[None]], patience: float = PATIENCE,
 ) -> None:  # fmt: skip
     """What came is stored and folded; what takes too long is stored, or comes again."""
 
@@ -43,6 +43,6 @@ async def at_rest(
 
     resting = asyncio.create_task(drained())
     first = asyncio.FIRST_COMPLETED
-    await asyncio.wait({resting, *working}, timeout=PATIENCE, return_when=first)
+    await asyncio.wait({resting, *working}, timeout=patience, return_when=first)
     for task in (resting, *reading, *working):
         task.cancel()

@@ -29,10 +29,11 @@ from evertwin.rows import Numbered
 from evertwin.service.archiving import keep_days
 from evertwin.service.at_work import AtWork, Said, place_of, told
 from evertwin.service.condition import Condition
+from evertwin.service.lane import Lane
 from evertwin.service.lives import tell_lives
 from evertwin.service.plan import Plan
 from evertwin.service.questions import answer
-from evertwin.service.queued import at_rest, together
+from evertwin.service.queued import PATIENCE, at_rest, together
 from evertwin.service.silence import Silence
 from evertwin.service.status import LONG, MAKING, status_of
 from evertwin.service.tellers import tellers
@@ -44,6 +45,10 @@ from evertwin.store import SqlStore, looked_at
 T = TypeVar("T")
 State: TypeAlias = Literal["starting", "running", "ended", "quarantined", "stopped"]
 LOG = logging.getLogger("evertwin.service")
+HANGS = 60.0
+"""Seconds at one piece of samples, from which on a model is taken to hang."""
+GRACE = 2.0
+"""Seconds in which a twin at rest lets go of its store."""
 KEPT = 64
 """Messages with rows, and times as many events, that a slow reader may be behind."""
 
@@ -76,9 +81,6 @@ class Runner:
         self._silence = Silence(timeouts, time.monotonic())
         asked = plan.spec is not None and math.isfinite(plan.spec.anomaly.requirement)
         self.condition = Condition(timeouts, plan.entry.stale, asked=asked)
-        self.busy_since: float | None = None
-        self.worked = 0.0
-        """Seconds of work in the twin's thread."""
         self.durable: deque[float] = deque(maxlen=1000)
         """Seconds from the arrival of samples until they were durable."""
         self.folded: deque[float] = deque(maxlen=1000)
@@ -106,7 +108,7 @@ class Runner:
         self.began = time.monotonic()
         """When it was started."""
         self._reader: SqlStore | None = None
-        self._thread = ThreadPoolExecutor(1, thread_name_prefix=f"twin {plan.name}")
+        self.lane = Lane(f"twin {plan.name}")
         self._storing = ThreadPoolExecutor(1, thread_name_prefix=f"keep {plan.name}")
         self._came: asyncio.Queue[tuple[LiveSource | None, Chunk, float]] = asyncio.Queue(
             plan.entry.queue
@@ -126,13 +128,13 @@ class Runner:
         with self._guarded():
             if self.plan.spec is None:
                 raise UsageError(self.plan.wrong)
-            self.work = work = await self._inside(self._opened)
+            self.work = work = await self.lane.do(self._opened)
             self.events.extend(work.before)
-            looks = await self._inside(lambda: work.looks)
+            looks = await self.lane.do(lambda: work.looks)
             self.condition.recalled((event for _, event in work.before), looks)
             self.condition.looked(work.now)
             self.row = self.work.row
-            newest = await self._inside(self.work.newest)
+            newest = await self.lane.do(self.work.newest)
             around = Around(folder=Path(self.plan.spec.folder))
             specs = {s.name: s for s in self.plan.spec.source + self.plan.spec.array}
             for one in self.plan.sources:
@@ -145,7 +147,7 @@ class Runner:
                     if clock is not None and hasattr(source, "go_on"):
                         source.go_on(clock)
             self.publishers = tellers(self.plan, self.work, self.answer)
-            self.state, self.worked = "running", 0.0  # what a start costs says nothing of later
+            self.state, self.lane.worked = "running", 0.0  # a start costs other than the rest
             self._reading = [asyncio.create_task(self._read(source)) for source in self.sources]
             every = (self._store(), self._fold(), self._wait())
             self._working = [asyncio.create_task(one) for one in every]
@@ -216,18 +218,42 @@ class Runner:
             source.close()
         running = self.state == "running"
         if running and self._reading:
-            await at_rest(self._reading, (self._came, self._kept), self._working)
+            patience = PATIENCE if self.stuck < PATIENCE or self.lane.slow else 0.0
+            await at_rest(self._reading, (self._came, self._kept), self._working, patience)
         self.state = self.state if self.state == "quarantined" else "stopped"
         for publisher in self.publishers:
             await publisher.close()
         if self.work is not None:
-            with self._guarded():
-                await self._inside(self.work.close if running else self.work.twin.close)
+            close = self.work.close if running else self.work.twin.close
+            closing = asyncio.wrap_future(self.lane.submit(close))
+            if (await asyncio.wait({closing}, timeout=GRACE))[0]:
+                with self._guarded():
+                    closing.result()
+            else:  # it is closed when it comes back; what was not folded is folded from the store
+                LOG.error("%s: left: %s", self.name, self.hanging, extra={"twin": self.name})
         if self._reader is not None:
             self._reader.close()
-        self._thread.shutdown(wait=False)
-        self._storing.shutdown(wait=False)
+        for thread in (self.lane, self._storing):
+            thread.shutdown(wait=False)
         self._tell()
+
+    @property
+    def stuck(self) -> float:
+        """Seconds that its thread has been at one piece of samples, or at one question."""
+        piece = 0.0 if self.work is None else self.work.since
+        since = self.lane.busy_since
+        return 0.0 if since is None else time.monotonic() - max(since, piece)
+
+    @property
+    def hanging(self) -> str:
+        """That it does not come back, and where it is."""
+        what = "it is at slow work" if self.lane.slow else "its model has not come back"
+        return f"{what} for {self.stuck:.0f} s: {self.lane.place}"
+
+    def watch(self) -> None:
+        """A model that does not come back is put into quarantine."""
+        if self.state == "running" and self.stuck > HANGS and not self.lane.slow:
+            self._quarantine(self.hanging)
 
     # ------------------------------------------------------------------ samples
 
@@ -275,27 +301,11 @@ class Runner:
         with self._guarded():
             async for taken in together(self._kept):
                 kept = [one for one, _ in taken]
-                said = await self._inside(partial(self.work.fold, kept))
+                said = await self.lane.do(partial(self.work.fold, kept))
                 now = time.perf_counter()
                 self.folded.extend(now - came for _, came in taken)
                 self._take(said)
                 self.open -= len(taken)
-
-    async def _inside(self, work: Callable[[], T]) -> T:
-        """Something in the twin's thread."""
-        self.busy_since = time.monotonic()
-
-        def done() -> T:
-            began = time.thread_time()
-            try:
-                return work()
-            finally:
-                self.worked += time.thread_time() - began
-
-        try:
-            return await asyncio.get_running_loop().run_in_executor(self._thread, done)
-        finally:
-            self.busy_since = None
 
     def _take(self, said: Said) -> None:
         """What became known goes to whoever listens."""
@@ -335,15 +345,10 @@ class Runner:
     # ------------------------------------------------------------------ questions
 
     async def ask(self, question: Callable[[AtWork], T]) -> T:
-        """Something of the twin at work, in its thread.
-
-        Raises:
-            UsageError: it is not at work.
-        """
+        """Something of the twin at work, in its thread; UsageError where it is not at work."""
         if self.work is None or self.state not in ("running", "ended"):
             raise UsageError(f"{self.name} is {self.state}: {self.reason}".rstrip(": "))
-        work = self.work
-        return await self._inside(lambda: question(work))
+        return await self.lane.do(partial(question, self.work))
 
     async def done(self, work: Callable[[AtWork], tuple[Event, Said]]) -> Mapping[str, Any]:
         """Something that goes into the log; the event that says it."""

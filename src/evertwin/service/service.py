@@ -50,6 +50,8 @@ class Service:
         """
         self.path = path
         self.site: Site = read_site(path)
+        self._started = self.site.spec
+        """What holds until the next start."""
         self.runners: dict[str, Runner] = {}
         self.listeners: set[asyncio.Event] = set()
         """Are set when any twin says something new."""
@@ -148,9 +150,9 @@ class Service:
                 self.error = str(error)
                 LOG.error("reload: nothing is changed: %s", error)
                 raise
-            old, new = self.site.spec.http, site.spec.http
+            old, new = self._started.http, site.spec.http
             later = [key for key in RESTART if getattr(old, key) != getattr(new, key)]
-            later += ["fleet"] if self.site.spec.fleet != site.spec.fleet else []
+            later += ["fleet"] if self._started.fleet != site.spec.fleet else []
             told: dict[str, Any] = await self._follow(site)
             if self.tending is not None:
                 self.tending.again()
@@ -210,6 +212,7 @@ class Service:
             notify("WATCHDOG=1")
             for runner in tuple(self.runners.values()):
                 runner.beat()
+                runner.watch()
                 if runner.due is not None and runner.due < time.monotonic():
                     runner.due = None
                     self._tasks.append(asyncio.create_task(self._anew(runner)))

@@ -22,7 +22,8 @@ def status_of(runner: Runner) -> dict[str, Any]:
     over = {one.name for one in runner.sources if one.health.state == "ended"}
     ended = runner.sources and len(over) == len(runner.sources)
     state = "ended" if runner.state == "running" and ended and not runner.open else runner.state
-    busy = 0.0 if runner.busy_since is None else time.monotonic() - runner.busy_since
+    since = runner.lane.busy_since
+    busy = 0.0 if since is None else time.monotonic() - since
     about: Mapping[str, Any] = {}
     if runner.work is not None:
         about = runner.work.about
@@ -52,6 +53,9 @@ def _how(runner: Runner, state: str, over: set[str]) -> Mapping[str, Any]:
         so_far = f"{time.monotonic() - runner.began:.0f} s so far"
         how["why"] = f"{MAKING}; {so_far}" if runner.warms else f"it is being opened; {so_far}"
         how["condition"] = "check"
+    elif runner.stuck > LONG:
+        how["condition"] = "check"
+        how["why"] = f"{runner.hanging}; {runner.waiting} pieces of samples wait"
     elif how["condition"] == "check":
         known = [
             f"{one.name}: {one.health.reason}" for one in runner.sources

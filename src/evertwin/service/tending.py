@@ -123,8 +123,7 @@ class Tending:
                 found[plan.name] = Told(pinned=plan.entry.node, wrong=plan.wrong)
                 continue
             lag = sorted(runner.folded)[len(runner.folded) // 2] if runner.folded else 0.0
-            if runner.busy_since is not None:  # what it is at just now may take longer than ever
-                lag = max(lag, time.monotonic() - runner.busy_since)
+            lag = max(lag, runner.stuck)  # what it is at just now may take longer than ever
             cost = round(self._measured(runner), 4)
             said = round(lag, 4), runner.row, runner.reason, plan.entry.node, plan.wrong
             found[plan.name] = Told(cost, *said)
@@ -133,7 +132,7 @@ class Tending:
     def _measured(self, runner: Runner) -> float:
         """What a twin costs [s/s]; at first, what it cost the node that had it before."""
         now = time.monotonic()
-        work = runner.worked + (0.0 if runner.work is None else runner.work.beside)
+        work = runner.lane.worked + (0.0 if runner.work is None else runner.work.beside)
         if runner.name not in self._cost:
             known = COST if self.tenure is None else self.tenure.cost(runner.name)
             began = now if known == COST else now - SMOOTH

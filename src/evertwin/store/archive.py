@@ -7,7 +7,9 @@
 The file is whole on the disk before the log names it, and the same transaction that names it takes
 the samples out of the store: each sample is in one of the two, whenever the process is killed. A
 file holds ``number`` (of the piece as it arrived), ``task``, ``t_ns`` and a column for each value,
-in SI, so DuckDB and pandas read it as it is; so does `SqliteStore.samples`, through DuckDB.
+in SI, so DuckDB and pandas read it as it is; so does `SqliteStore.samples`, through DuckDB. What is
+absent is null, and what was refused (a sentinel, a value that its machine calls bad), where
+``refused`` names the columns.
 
 >>> day_of(1_700_000_000 * 10**9), edges("2023-11-14")
 ('2023-11-14', (1699920000000000000, 1700006400000000000))
@@ -38,6 +40,8 @@ KIND = "archived"
 """Of the event that names a file."""
 OWN = ("number", "task", "t_ns")
 """Columns before the values."""
+REFUSED = "refused"
+"""Column behind them: whose value was refused, after a minus where it was negative."""
 DAY = 86_400 * 10**9
 PIECE = 100_000
 """Samples that are read or written at once."""
@@ -151,9 +155,11 @@ class Archive:
             return None
         shape = first[1].v.shape[1:]
         counted = tuple(f"v{k}" for k in range(math.prod(shape)))
-        columns = tuple(f"{one}_" if one in OWN else one for one in names) or counted
+        own = (*OWN, REFUSED)
+        columns = tuple(f"{one}_" if one in own else one for one in names) or counted
         kinds = [(name, arrow.int64()) for name in OWN]
-        schema = arrow.schema([*kinds, *((name, arrow.float64()) for name in columns)])
+        kinds += [(name, arrow.float64()) for name in columns]
+        schema = arrow.schema([*kinds, *([(REFUSED, arrow.string())] if names else [])])
         place = self.folder / _plain(source) / f"{day}.{first[0]}.parquet"
         place.parent.mkdir(parents=True, exist_ok=True)
         part = place.with_suffix(".part")
@@ -161,7 +167,13 @@ class Archive:
         with part.open("wb") as file:
             with parquet.ParquetWriter(file, schema, compression="zstd") as writer:
                 for block in _blocks(chain([first], pieces)):
-                    arrays = [arrow.array(one) for one in block]
+                    arrays = [arrow.array(one) for one in block[: len(OWN)]]
+                    values = block[len(OWN) :]
+                    if names:  # of arrays, infinite is a value: a beam without an echo
+                        arrays += [arrow.array(v, mask=~np.isfinite(v)) for v in values]
+                        arrays.append(arrow.array(_refused(columns, values), arrow.string()))
+                    else:
+                        arrays += [arrow.array(v) for v in values]
                     writer.write_table(arrow.Table.from_arrays(arrays, schema=schema))
                     number, _, t, *_ = block
                     samples, last = samples + len(t), int(number[-1])
@@ -194,8 +206,14 @@ class Archive:
             database.execute("SET TimeZone = 'UTC'; SET enable_progress_bar = false")
             found = database.execute(query, [str(path), first, last]).fetchnumpy()
         number, task, t = (np.asarray(found[name], dtype=np.int64) for name in OWN)
-        values = [found[name] for name in found if name not in (*OWN, "file_row_number")]
-        v = np.column_stack([np.ma.filled(one.astype(np.float64), np.nan) for one in values])
+        # by place: DuckDB gives names that differ by case alone others
+        names = load("pyarrow.parquet").read_schema(path).names
+        columns, held = names[len(OWN) :], list(found.values())[len(OWN) : len(names)]
+        told = held.pop() if columns[-1:] == [REFUSED] and held[-1].dtype == object else ()
+        v = np.column_stack([np.ma.filled(one.astype(np.float64), np.nan) for one in held])
+        for k, text in enumerate(np.ma.filled(told, "")):
+            for name in filter(None, text.split(",")):
+                v[k, columns.index(name.removeprefix("-"))] = -np.inf if name[0] == "-" else np.inf
         cuts = np.flatnonzero(np.diff(number)) + 1
         for begin, end in zip([0, *cuts], [*cuts, len(t)], strict=True):
             if end > begin:
@@ -258,6 +276,20 @@ def _blocks(pieces: Iterator[tuple[int, Chunk]]) -> Iterator[list[np.ndarray]]:
             waiting, count = [], 0
     if waiting:
         yield _columns(waiting)
+
+
+def _refused(columns: Sequence[str], values: Sequence[np.ndarray]) -> list[str | None]:
+    """Of each sample, the columns whose value was refused.
+
+    >>> _refused(("v", "x"), np.array([[np.inf, 1.0], [-np.inf, np.nan]]))
+    ['v,-x', None]
+    """
+    found: list[str | None] = [None] * len(values[0])
+    for name, v in zip(columns, values, strict=True):
+        for k in np.flatnonzero(np.isinf(v)).tolist():
+            said = f"-{name}" if v[k] < 0.0 else name
+            found[k] = said if found[k] is None else f"{found[k]},{said}"
+    return found
 
 
 def _columns(pieces: Sequence[tuple[int, Chunk]]) -> list[np.ndarray]:

@@ -8,11 +8,13 @@ import logging
 import os
 import subprocess
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
+import paho.mqtt.client as paho
 import pytest
 
 from evertwin.errors import UsageError
@@ -175,6 +177,65 @@ def test_a_broker_that_is_stopped_and_comes_back_loses_nothing(
     health = source.health
     assert health.losses == 0 and health.reconnects == 3 and not health.rejected
     assert [r.levelname for r in caplog.records].count("WARNING") == 3
+
+
+def sent(n: int, ts: float, number: object) -> bytes:
+    return json.dumps({"t": 1000 * ts, "n": number, "pose": {"x": n}, "q": [n, 0]}).encode()
+
+
+@pytest.mark.system
+@pytest.mark.parametrize("numbered", [True, False])
+@pytest.mark.parametrize("count", [3, 20])
+def test_a_gateway_s_backlog_is_late_and_not_lost(
+    tmp_path: Path, count: int, numbered: bool
+) -> None:
+    """5 s apart, so that all of them are far behind: sent after the newest, as gateways do."""
+    order = [*range(40), *range(40 + count, 64), *range(40, 40 + count), *range(64, 90)]
+    more = {} if numbered else {"sequence": None}
+    with mosquitto(tmp_path) as broker:
+        source = robot(broker.port, **more)
+
+        def life() -> None:
+            while source.health.state != "up":
+                broker.publish([sent(0, 0.0, 0)])
+            client = paho.Client(paho.CallbackAPIVersion.VERSION2)
+            client.connect("127.0.0.1", broker.port)
+            client.loop_start()
+            for k, n in enumerate(order[1:], start=1):
+                client.publish("robot/state", sent(n, 5.0 * n, n), qos=1)
+                if not 64 - count <= k < 64:  # the machine takes its time, the gateway does not
+                    time.sleep(0.05)
+            client.loop_stop()
+
+        living = threading.Thread(target=life)
+        living.start()
+        chunks = listen(source, lambda given: 89 in numbers(given), 20.0)
+        living.join()
+    stamps = {int(chunk.v[0, 0]): int(chunk.t[0]) for chunk in chunks}
+    assert stamps == {n: 5 * n * 10**9 for n in range(90)} and len(chunks) == 90
+    health = source.health
+    assert health.losses == 0 and not health.rejected
+    assert set(health.noted) == {"came late"} and health.noted["came late"] >= count - 2
+
+
+@pytest.mark.system
+def test_the_number_of_a_message_that_is_refused_tells_of_no_loss(tmp_path: Path) -> None:
+    with mosquitto(tmp_path) as broker:
+        source = robot(broker.port)
+
+        def life() -> None:
+            while source.health.state != "up":
+                broker.publish([sent(0, 0.0, 0)])
+            stampless = b'{"n": 99999, "t": "?", "pose": {"x": 1}, "q": [1]}'
+            wrong = {10: stampless, 20: sent(20, 2.0, 10**6)}
+            broker.publish([wrong.get(n, sent(n, n / 10, n)) for n in range(1, 40) if n != 30])
+
+        living = threading.Thread(target=life)
+        living.start()
+        chunks = listen(source, lambda given: 39 in numbers(given))
+        living.join()
+    assert numbers(chunks) == [n for n in range(40) if n not in (10, 30)]
+    assert source.health.losses == 1 and sum(source.health.rejected.values()) == 1
 
 
 @pytest.mark.system
@@ -381,6 +442,25 @@ def test_messages_and_counts() -> None:
     restart = [count.missing(n, None) for n in (500, 501, 0, 1, 4)]
     assert restart == [0, 0, 0, 0, 2] and count.starts == 1
     assert count.missing("x", None) == 0 and count.missing(float("nan"), None) == 0
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_what_comes_late_was_not_lost_and_a_wrong_number_tells_of_nothing(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    sent = np.flatnonzero(rng.random(600) > 0.05)
+    late = np.sort(sent + np.where(rng.random(len(sent)) < 0.1, rng.integers(0, 40, len(sent)), 0))
+    order = sent[np.argsort(late, kind="stable")].tolist()
+    newest = np.maximum.accumulate(order)
+    fresh = np.flatnonzero(np.diff(newest) > 0)[1:-50] + 1
+    wrong = set(rng.choice(fresh, 5, replace=False).tolist())
+    count, lost, most = Count(), 0, 0
+    for k, number in enumerate(order):
+        far = int(rng.integers(5000, 99_999))
+        lost += count.missing(far if k in wrong else number, None, refused=k % 2 == 0)
+        most = max(most, 0 if k in wrong else lost)
+    began = order[0]
+    assert lost == max(order) - began + 1 - sum(number >= began for number in order)
+    assert most < 100 and count.starts == 0
 
 
 @pytest.mark.system

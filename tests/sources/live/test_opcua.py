@@ -21,6 +21,7 @@ from evertwin.errors import UsageError
 from evertwin.fold import Chunk
 from evertwin.sources.live import Around, LiveSource, open_live
 from evertwin.sources.live.look import look
+from evertwin.sources.live.opcua import UNREAD
 from evertwin.sources.live.opcua_group import Groups
 from evertwin.sources.live.registry import read_settings
 from evertwin.sources.spec import ChannelSpec, SourceSpec, TimeSpec
@@ -173,6 +174,47 @@ def test_a_server_that_starts_anew_with_other_indices(
     said = [r.message for r in caplog.records if r.name == "evertwin.live"]
     assert len(said) == 3 and "down" in said[1], said
     assert len(os.listdir("/proc/self/fd")) <= before
+
+
+@pytest.mark.parametrize("stall", [2.0, 5.0])
+def test_after_a_stall_no_sample_is_made_up_and_the_lost_are_counted(
+    peer: Server, stall: float
+) -> None:
+    """Both values are written with each stamp; the server's queue keeps the newest of each."""
+    source, given = arm(peer.port), list[Chunk]()
+    said, ended = [1000], threading.Event()
+
+    def speak() -> None:
+        while not ended.is_set():
+            said[0] += 1
+            peer.say(said[0], 1e3 * said[0], "good")
+            time.sleep(0.005)
+
+    async def life() -> None:
+        source.open()
+        stalled = 0
+        async for chunk in source.chunks():
+            source.committed(chunk)
+            given.append(chunk)
+            if len(given) == 200:
+                time.sleep(stall)
+                stalled = said[0]
+            if stalled and chunk.v[0, 0] > stalled + 700:
+                return
+
+    speaking = threading.Thread(target=speak)
+    speaking.start()
+    try:
+        asyncio.run(asyncio.wait_for(life(), 40))
+    finally:
+        ended.set()
+        speaking.join()
+    whole = [chunk.v[0] for chunk in given if np.isfinite(chunk.v[0]).all()]
+    assert all(n == x for n, x in whole[1:])
+    seen = {int(n) for n, _ in whole}
+    missing = max(seen) - min(n for n in seen if n > 1000) + 1 - len(seen)
+    lost = source.health.lost.get(UNREAD, 0)
+    assert missing > 100 and abs(lost - missing) <= 0.2 * missing, (missing, source.health)
 
 
 def test_what_the_site_file_must_say() -> None:

@@ -206,3 +206,54 @@ def test_a_clock_here_that_was_set_back_is_not_the_machine_s(lead: int, later: i
     clock.go_on((0, lead * S, 0))
     out = run(clock, [(t * S, (t + later) * S) for t in range(6001, 6011)])
     assert out == [t * S for t in range(6001, 6011)] and clock.set == 0
+
+
+def drawn(seed: int, speed: int | None = None) -> tuple[np.random.Generator, np.ndarray, list[int]]:
+    """A machine of any pace: its stamps, and when they come."""
+    rng = np.random.default_rng(seed)
+    step = rng.choice([0.05, 0.2, 1.0, 5.0])
+    speed = int(rng.choice([1, 4, 20, 100])) if speed is None else speed
+    noise = rng.choice([0.0, 0.05]) * rng.uniform(-1.0, 1.0, 240)
+    true = ((1_800_000_000 + step * (np.arange(240) + noise)) * S).astype(np.int64)
+    came = [int((k * step / speed + 0.01 + abs(rng.normal(0, 0.003))) * S) for k in range(240)]
+    return rng, true, [1_800_000_000 * S + one for one in came]
+
+
+@pytest.mark.parametrize("numbered", [False, True])
+@pytest.mark.parametrize("seed", range(50))
+def test_what_a_gateway_sends_late_is_late_and_moves_no_clock(seed: int, numbered: bool) -> None:
+    rng, true, came = drawn(seed)
+    at, count, live = int(rng.integers(60, 150)), int(rng.integers(1, 41)), int(rng.integers(1, 4))
+    last = at + count + live
+    order = [*range(at), *range(at + count, last), *range(at, at + count), *range(last, 240)]
+    for j in range(count):
+        came[at + j] = came[last - 1] + (j + 1) * 10**5
+    clock, out, newest = Stamping[int](), dict[int, int](), -1
+    for k in order:
+        late = numbered and k < newest
+        newest = max(newest, k)
+        out |= {value: t for t, value in clock.take(int(true[k]), came[k], k, k, late)}
+    assert [out[k] for k in range(240)] == true.tolist()
+    assert (clock.set, clock.repeated, clock.rejected) == (0, 0, 0)
+
+
+@pytest.mark.parametrize("jump", [-86_400, -3600, -600, 600, 3600, 86_400])
+@pytest.mark.parametrize("seed", range(20))
+def test_a_clock_that_goes_back_to_where_it_was_is_that_clock(seed: int, jump: int) -> None:
+    rng, true, came = drawn(seed, None if jump < 0 else 1)
+    at, count = int(rng.integers(60, 150)), int(rng.integers(4, 60))
+    sent = true.copy()
+    sent[at : at + count] += jump * S
+    if -jump * S >= true[at] - true[0]:  # else it lies on what was heard
+        clock = Stamping[int]()
+        out = {k: t for j in range(240) for t, k in clock.take(int(sent[j]), came[j], j, j)}
+        assert len(out) == 240 and clock.set == 2
+        assert [out[k] for k in range(at + count, 240)] == true[at + count :].tolist()
+
+
+def test_one_stamp_where_none_is_missing_is_of_no_clock() -> None:
+    """Unlike one that came late, it lies on samples that came."""
+    rows = [(i * S, i * S) for i in range(60) if i != 20]
+    wrong = run(Stamping(), [*rows[:50], (30 * S + 1, 50 * S), *rows[50:]])
+    late = run(Stamping(), [*rows[:50], (20 * S, 50 * S), *rows[50:]])
+    assert len(wrong) == 59 and len(late) == 60

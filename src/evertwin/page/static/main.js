@@ -2,7 +2,7 @@
 
 import { h, put } from "./dom.js";
 import { age, conditionOf } from "./words.js";
-import { ask, Feed } from "./wire.js";
+import { ask, asKnown, Feed, service } from "./wire.js";
 import * as fleet from "./views/fleet.js";
 import * as live from "./views/live.js";
 import * as improvement from "./views/improvement.js";
@@ -18,15 +18,15 @@ const VIEWS = {
   life: ["Life", life], engineering: ["Engineering", engineering], faults: ["Inject a fault", faults],
 };
 const EVERY = 1000;
+/** Milliseconds after which a question that hangs is asked anew. */
+const PATIENCE = 10000;
 const top = document.getElementById("top");
 const main = document.getElementById("main");
 const banner = document.getElementById("banner");
 
-const context = { twins: [], page: { machines: [], may_order: false }, feed: null, site: "", person: "" };
+const context = { said: [], page: { machines: [], may_order: false }, feed: null, site: "", person: "", get twins() { return this.said.map(asKnown); }, get silent() { return service.silent; } };
 let here = null;
 let shown = "";
-let heard = null;
-let lost = "";
 
 /** What the address says: {view, twin}. */
 function place() {
@@ -75,23 +75,27 @@ function follow() {
 /** What the service says of itself, once a second, whether it is looked at or not. */
 async function poll() {
   try {
-    const status = await ask("/api/v1/status");
-    context.twins = status.twins;
+    const status = await ask("/api/v1/status", undefined, PATIENCE);
+    context.said = status.twins;
     context.shared = status.fleet;
     if (context.site !== status.site) {
       context.site = status.site;
       header(place());
     }
-    heard = Date.now();
-    lost = "";
-    document.documentElement.dataset.up = "yes";
+    service.heard = Date.now();
+    service.lost = "";
   } catch (error) {
-    lost = error.message;
-    document.documentElement.dataset.up = "no";
+    service.lost = error.message;
   }
-  told();
-  if (!lost) here?.update?.(context);
+  now();
   setTimeout(poll, EVERY);
+}
+
+/** Once a second, whether an answer came or not. */
+function now() {
+  document.documentElement.dataset.up = service.silent || service.lost || service.heard === null ? "no" : "yes";
+  told();
+  here?.update?.(context);
 }
 
 /** The banner: what is not there, and how old what is shown is. */
@@ -100,7 +104,8 @@ function told() {
   const twin = feed && context.twins.find((one) => one.name === feed.twin);
   const old = (since) => age(since === null ? null : Math.max((Date.now() - since) / 1000, 1));
   let text = "";
-  if (lost) text = `No connection: ${lost}. What is shown is ${heard === null ? "nothing yet" : `${old(heard)} old`}. It is tried again by itself.`;
+  const { heard, lost, silent } = service;
+  if (lost || silent) text = `No connection: ${lost || "the service does not answer"}. What is shown is ${heard === null ? "nothing yet" : `${old(heard)} old`}. It is tried again by itself.`;
   else if (twin && conditionOf(twin) === "failure") text = `This twin does not run: ${twin.reason || "its model or its store failed"}. What is shown is ${age(twin.age)} old.`;
   else if (twin && conditionOf(twin) === "stale") text = `STALE: no samples for ${age(twin.age)}. What is shown is that old.`;
   else if (feed && !feed.up && Date.now() - feed.since > 1500) text = `The live line is down since ${old(feed.since)}. It is tried again by itself.`;
@@ -130,5 +135,6 @@ ask("/page").then((page) => (context.page = page), () => {}).then(() => {
   shown = ""; // what was opened meanwhile did not know what may be ordered here
   follow();
   poll();
+  setInterval(now, EVERY);
 });
 window.evertwin = context;

@@ -109,12 +109,23 @@ export function trust(about, promoted) {
   return ["Yes", "good", `${proved}, and its newest rows are within ${limit(about)}.${unsure}`];
 }
 
+/** The pin that put the live version there in place of another, if one did. */
+export function pinnedLive(events, champion) {
+  let [live, by] = [undefined, undefined];
+  for (const event of events.filter((e) => ["promoted", "rolled_back", "pinned"].includes(e.kind))) {
+    const { version } = event.evidence ?? {};
+    if (version !== live) by = live !== undefined && event.kind === "pinned" ? event : undefined;
+    live = version;
+  }
+  return live === champion ? by : undefined;
+}
+
 /** What a trial has gained, in words. */
 export const less = (gain) => (gain > 0 ? `${number(100 * gain)} % less so far` : `no less so far (${number(-100 * gain)} % more)`);
 
 /** The card. `about`: of GET /twins/NAME; `events`: those that are known. */
 export function verdict(about, events) {
-  const promoted = events.findLast((e) => e.kind === "promoted" && e.evidence?.version === about.champion);
+  const promoted = pinnedLive(events, about.champion) ?? events.findLast((e) => e.kind === "promoted" && e.evidence?.version === about.champion);
   const condition = conditionOf(about);
   const [tag, look, why] = trust(about, promoted);
   const part = (name, said) => h("div", {}, h("dt", {}, name), h("dd", {}, said));

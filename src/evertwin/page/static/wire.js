@@ -2,17 +2,39 @@
 // A socket that broke is opened again by itself, from the same cursor; rows that came meanwhile are
 // asked for, so that nothing lacks and nothing is there twice.
 
+import { age } from "./words.js";
+
 const FIRST = 300;
 const LONGEST = 2000;
 const AGAIN = 4096;
+/** Seconds without a word from the service, from which on what is shown is stale. */
+const SILENT = 3;
 
-/** The answer to a question, or an error that says why there is none. */
-export async function ask(path, body) {
+/** What the service said of its twins, and when, by the clock of this page: a service that hangs says nothing. */
+export const service = {
+  heard: null,
+  lost: "",
+  get silent() {
+    const since = this.heard === null ? 0 : (Date.now() - this.heard) / 1000;
+    return since > SILENT || (this.lost && since > 0) ? Math.max(since, 1) : 0;
+  },
+};
+
+/** A twin as it is known now: of one that nothing was heard of for a while nobody knows that it is good. */
+export function asKnown(twin) {
+  const { silent } = service;
+  if (!silent) return twin;
+  return { ...twin, silent, stale: true, age: twin.age === null ? null : twin.age + silent, why: `the service has not answered for ${age(silent)}` };
+}
+
+/** The answer to a question, or an error that says why there is none; after so many ms none is waited for. */
+export async function ask(path, body, patience) {
   let answer;
   try {
-    answer = await fetch(path, body === undefined ? {} : { method: "POST", body: JSON.stringify(body) });
-  } catch {
-    throw new Error("the page's own server does not answer");
+    const signal = patience && AbortSignal.timeout(patience);
+    answer = await fetch(path, body === undefined ? { signal } : { method: "POST", body: JSON.stringify(body), signal });
+  } catch (error) {
+    throw new Error(error.name === "TimeoutError" ? "the service does not answer" : "the page's own server does not answer");
   }
   const told = await answer.json().catch(() => ({}));
   if (answer.ok) return told;

@@ -77,7 +77,7 @@ export const CONDITIONS = {
 /** Which of these a twin is in. */
 export function conditionOf(twin) {
   if (twin.state === "quarantined") return "failure";
-  if (twin.stale && twin.age !== null && twin.state !== "ended") return "stale";
+  if (twin.silent || (twin.stale && twin.age !== null && twin.state !== "ended")) return "stale";
   return twin.condition in CONDITIONS ? twin.condition : "check";
 }
 

@@ -38,6 +38,8 @@ Columns: TypeAlias = Mapping[str, Raw]
 """What a machine said at one moment, in the units of its own."""
 PROTOCOL = "the protocol's own stamp"
 """Key of a stamp [ns] that comes with the columns and not as one of them."""
+LATE = "late by its number"
+"""Key of whether the machine's count says that these columns are of before the newest."""
 BAD = math.inf
 """Stands for a value that the machine itself calls bad: later stages mark it as an error."""
 
@@ -137,9 +139,9 @@ class Decoder:
         code = math.nan
         if self.spec.task is not None:
             code = self._number(self.spec.task, columns.get(str(self.spec.task)))
-        before = self.clock.repeated, self.clock.rejected, self.clock.set
-        out = self.clock.take(stamp, came, _Sample(raw, code), hash(raw.tobytes()))
-        if before != (self.clock.repeated, self.clock.rejected, self.clock.set):
+        before, late = self._counts(), bool(columns.get(LATE))
+        out = self.clock.take(stamp, came, _Sample(raw, code), hash(raw.tobytes()), late)
+        if before != self._counts():
             self._tell(before)
         return [self._chunk(stamp, sample) for stamp, sample in out]
 
@@ -151,12 +153,17 @@ class Decoder:
             return None
         return raw
 
-    def _tell(self, before: tuple[int, int, int]) -> None:
+    def _counts(self) -> tuple[int, int, int, int]:
+        return self.clock.repeated, self.clock.rejected, self.clock.set, self.clock.late
+
+    def _tell(self, before: tuple[int, int, int, int]) -> None:
         self.told.repeated += self.clock.repeated - before[0]
         if self.clock.rejected > before[1]:
             self.told.reject("a stamp of no clock", self.clock.rejected - before[1])
         if self.clock.set > before[2]:
             self.told.note("the clock was set")
+        if self.clock.late > before[3]:
+            self.told.note("came late", self.clock.late - before[3])
 
     def _stamp(self, columns: Columns, arrival: int) -> int | None:
         if self._by_arrival:

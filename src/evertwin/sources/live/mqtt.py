@@ -27,7 +27,7 @@ from evertwin.errors import UsageError, reason_of
 from evertwin.fold import Chunk
 from evertwin.sources.foreign import load
 from evertwin.sources.live.contract import Around
-from evertwin.sources.live.decode import Columns
+from evertwin.sources.live.decode import LATE, Columns, Raw
 from evertwin.sources.live.line import Line, LineDown
 from evertwin.sources.live.mqtt_line import LISTEN, Connection, Heard, heard
 from evertwin.sources.live.mqtt_parts import Count, NoMessage, place
@@ -79,9 +79,9 @@ class Mqtt(Line):
         self._connected = 0
         self._cause = BEFORE
         """Of the next gap in the count."""
+        self._number: tuple[Raw, Raw] = (None, None)
+        """Of the newest message, and who counts."""
         self._since = 0.0
-        self._unread = 0
-        """Messages that came since the newest count and whose count could not be read."""
 
     def open(self) -> None:
         """See `LiveSource`."""
@@ -184,14 +184,17 @@ class Mqtt(Line):
 
     def decode(self, columns: Columns) -> list[Chunk]:
         """See `Line`: what its messages are is kept until it is stored."""
+        refused = self.told.refused
         chunks = super().decode(columns)
+        if self.broker.sequence is not None:
+            self._counted(refused=self.told.refused > refused)
         clock = self.decoder.clock
-        if chunks:
-            for chunk in chunks:
-                self._given.setdefault(int(chunk.t[0]), [])
-            self._given[int(chunks[-1].t[0])] += self._waiting
-        elif clock.holds:
+        for chunk in chunks:
+            self._given.setdefault(int(chunk.t[0]), [])
+        if clock.holds:  # what is held may be among those that wait
             return chunks
+        if chunks:
+            self._given[int(chunks[-1].t[0])] += self._waiting
         elif clock.judged in self._given:
             self._given[clock.judged] += self._waiting  # given, and not stored yet
         else:
@@ -214,18 +217,24 @@ class Mqtt(Line):
             found = place(bytes(message.payload), [*paths, *extra])
         except NoMessage as error:
             self.told.reject(str(error))
-            self._unread += 1
+            self.count.missing(None, None)
             return None
+        columns: dict[str, Raw] = {column: found[path] for path, column in paths.items()}
         if self.broker.sequence is not None:
             publisher = found[self.broker.publisher] if self.broker.publisher else None
-            number = found[self.broker.sequence]
-            missing = self.count.missing(number, publisher) - self._unread
-            self._unread = 0 if number is not None else self._unread + 1
-            if missing > 0:
-                fresh = time.monotonic() < self._since + SETTLES
-                self.told.lose(self._cause if fresh else BEFORE, missing)
-                self._cause = BEFORE
-        return {column: found[path] for path, column in paths.items()}
+            self._number = found[self.broker.sequence], publisher
+            columns[LATE] = self.count.late(*self._number)
+        return columns
+
+    def _counted(self, *, refused: bool) -> None:
+        fresh = time.monotonic() < self._since + SETTLES
+        cause = self._cause if fresh else BEFORE
+        missing = self.count.missing(*self._number, cause, refused=refused)
+        if missing > 0:
+            self.told.lose(self.count.cause, missing)
+            self._cause = BEFORE
+        elif missing < 0:
+            self.told.found(self.count.cause, -missing)
 
     def client(self) -> Client:
         """One that is not connected yet."""

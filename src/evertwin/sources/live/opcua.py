@@ -14,8 +14,9 @@ from __future__ import annotations
 import asyncio
 import calendar
 import logging
+import math
 import time
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Mapping
 from contextlib import suppress
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
@@ -24,8 +25,8 @@ from evertwin.errors import UsageError, reason_of
 from evertwin.sources.foreign import load
 from evertwin.sources.live.contract import Around
 from evertwin.sources.live.decode import BAD, PROTOCOL, Columns, Raw
-from evertwin.sources.live.line import Line, LineDown
-from evertwin.sources.live.opcua_group import Groups
+from evertwin.sources.live.line import DOWN, Line, LineDown
+from evertwin.sources.live.opcua_group import Groups, Passed
 from evertwin.sources.live.opcua_spec import OpcuaSettings
 from evertwin.sources.live.secrets import password
 from evertwin.sources.spec import SourceSpec
@@ -39,6 +40,11 @@ QUEUE = 100
 """Values of a node that the server keeps between two reports."""
 LARGEST = 1 << 22
 """Bytes of the largest message; the library's own default is no limit."""
+UNREAD = "the server's queue overflowed: this process did not read for a while"
+STALLED, STALLED_PERIODS = 1.0, 10.0
+"""Seconds, and periods, without a look at what came: the server's queue may be full by then."""
+CATCHES_UP = 3.0
+"""Seconds in which what waited has come."""
 OVERFLOW = 0x480
 """Bits of a status that say: values before this one are gone."""
 
@@ -52,6 +58,9 @@ class Opcua(Line):
         super().__init__(settings, spec)
         self.server = settings
         self.around = around
+        self._pace = Passed()
+        self._caught_up = -math.inf
+        """Until when reports may be gone, because nobody read them for a while."""
         if self.decoder.time is not None and self.decoder.time not in settings.nodes:
             self.decoder.by_protocol = True
 
@@ -79,7 +88,6 @@ class Opcua(Line):
             try:
                 await self.connect(client)
                 changes = await self._subscribe(client)
-                self.lost_since(self.server.period)
                 async for columns in self._samples(client, changes):
                     yield columns
             except errors as error:
@@ -151,10 +159,16 @@ class Opcua(Line):
         subscription, nodes = changes
         groups = Groups(self._columns(), round(self.server.together * 1e9))
         settle = 2.0 * self.server.period + 0.05
-        checked = time.monotonic()
+        before = checked = time.monotonic()
         while True:
             event = await subscription.next_event(self.server.period)
             now = time.monotonic()
+            if now - before > max(STALLED, STALLED_PERIODS * self.server.period):
+                groups.doubt(await self._unchanged(client, nodes, groups))
+                self._caught_up = now + CATCHES_UP
+            elif groups.firm != set(groups.names) and now > self._caught_up:
+                groups.believe()
+            before = now
             if event is not None:
                 checked = now
                 data = getattr(event, "data", None)
@@ -169,7 +183,34 @@ class Opcua(Line):
                     await client.check_connection()
                     await client.nodes.server_state.read_value()
             for stamp, columns in groups.take(now, settle):
+                self._gap(self._pace.since(stamp, now), doubted=now <= self._caught_up)
                 yield {**columns, PROTOCOL: stamp}
+
+    async def _unchanged(
+        self, client: Client, nodes: Mapping[Any, str], groups: Groups
+    ) -> list[str]:
+        """Columns that have the source stamp still that was reported last."""
+        ua = load("asyncua.ua", "live")
+        asked = [client.get_node(node) for node in nodes]
+        async with asyncio.timeout(self.server.timeout):
+            said = await client.uaclient.read_attributes(
+                [one.nodeid for one in asked], ua.AttributeIds.Value
+            )
+        return [
+            column for column, one in zip(nodes.values(), said, strict=True)
+            if groups.stamps.get(column) == nanoseconds(one.SourceTimestamp or one.ServerTimestamp)
+        ]  # fmt: skip
+
+    def _gap(self, missing: int, *, doubted: bool) -> None:
+        """Counts samples that a server made and that never came."""
+        if self._left is not None:
+            if self._pace.known:  # a clock that was set meanwhile says nothing of samples
+                self._left = None
+                self.told.lose(DOWN, min(missing, self._pace.room))
+            else:
+                self.lost_since(self.server.period)
+        elif doubted and missing:
+            self.told.lose(UNREAD, missing)
 
     def _value(self, column: str, said: Any) -> tuple[Raw, int]:
         status = said.StatusCode_.value if hasattr(said, "StatusCode_") else said.StatusCode.value

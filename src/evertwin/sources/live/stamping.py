@@ -4,9 +4,11 @@ A stamp that came before, with the same values, is repeated. One far ahead of wh
 arrival allows, or far behind the newest, or with other values than came with it, is held: if the
 samples after it return to the old clock it was one bad stamp; if `CONFIRM` samples go on from it
 the machine's clock was set, and from there on stamps are moved to go on where the old clock was,
-because intervals stay true when a clock does not. A stamp a little behind is late: it goes out, for
-the twin has slack for it, or leaves it out and says so. Samples that were kept somewhere and come
-at once are old, never ahead.
+because intervals stay true when a clock does not; a clock that goes back to where it was before is
+taken as it is again. A stamp a little behind is late: it goes out, for the twin has slack for it,
+or leaves it out and says so. So is one far behind that its number says is late, or that lies where
+stamps are missing and came alone or faster than the machine makes them: what a gateway kept.
+Samples that were kept somewhere and come at once are old, never ahead.
 
 >>> clock, s = Stamping(), 10**9
 >>> arrivals = {1: 101, 2: 102, 4000: 103, 3: 104}
@@ -19,6 +21,7 @@ at once are old, never ahead.
 from __future__ import annotations
 
 import time
+from collections import deque
 from typing import Generic, NamedTuple, TypeVar
 
 T = TypeVar("T")
@@ -36,6 +39,16 @@ CONFIRM = 3
 """Samples that must follow a held one on its own clock before it is believed."""
 KNOWN = 4096
 """Stamps that are remembered, to know again what comes late and twice."""
+HOLES = 256
+"""Stretches without a stamp that are remembered, to know what comes late."""
+CLOCKS = 16
+"""Clocks that are remembered."""
+WIDE = 1.5
+"""Steps from which on a stamp is missing."""
+FASTER = 2.0
+"""Times the machine's own pace, from which on it was not made as it comes."""
+BACK = FAR // 10
+"""A clock that comes so near [ns] to one that held before is that."""
 _DAY = 86_400 * 10**9
 _MONTH = 31 * _DAY
 _ANCHOR = time.time_ns() - time.clock_gettime_ns(time.CLOCK_BOOTTIME)
@@ -78,8 +91,13 @@ class Stamping(Generic[T]):
         """Single stamps of no clock."""
         self.set = 0
         """How often the machine's clock was set."""
+        self.late = 0
+        """Samples far behind the newest that went out in their place."""
         self._resumed: int | None = None
         self._shift = 0
+        self._shifts: deque[int] = deque([0], maxlen=CLOCKS)
+        """Of all clocks that held."""
+        self._holes: deque[tuple[int, int]] = deque(maxlen=HOLES)
         self._lead: int | None = None
         """Smallest delay between stamp and arrival so far [ns]."""
         self._step = 0.0
@@ -108,6 +126,7 @@ class Stamping(Generic[T]):
     def go_on(self, clock: tuple[int, ...]) -> bool:
         """With the clock that was kept (`lasting`): is it one that was set?"""
         self._shift, self._lead, fast = clock
+        self._shifts.append(self._shift)
         self._fast = bool(fast)
         return self._shift != 0
 
@@ -120,7 +139,9 @@ class Stamping(Generic[T]):
         self._noted = self._came
         return self._shift, self._lead, int(self._hurried(self._came))
 
-    def take(self, stamp: int, came: int, sample: T, said: int = 0) -> list[tuple[int, T]]:
+    def take(
+        self, stamp: int, came: int, sample: T, said: int = 0, late: bool = False
+    ) -> list[tuple[int, T]]:
         """The samples that go out now, each with its stamp [ns].
 
         Args:
@@ -128,6 +149,7 @@ class Stamping(Generic[T]):
             came: its `arrival` [ns].
             sample: what is kept with it.
             said: its values, as a hash.
+            late: does its number say that it is of before the newest?
         """
         moved = self.judged = stamp + self._shift
         if self._first is None:
@@ -136,15 +158,22 @@ class Stamping(Generic[T]):
         if again or self._repeats(moved, said):
             self.repeated += 1
             return []
+        one = Told(sample, said)
+        if late and self._within(moved):
+            return self._out(moved, came, one)
         if self._follows(moved, came):
-            self._drop()
-            return self._out(moved, came, Told(sample, said))
-        if self._held and not self._joins(stamp):
-            self._drop()
-        self._held.append((stamp, came, Told(sample, said)))
+            return [*self._drop(), *self._out(moved, came, one)]
+        before = self._drop() if self._held and not self._joins(stamp) else []
+        self._held.append((stamp, came, one))
         if len(self._held) <= CONFIRM or self._may_have_come(came):
-            return []
-        return self._believed()
+            return before
+        return [*before, *(self._drop() if self._kept() else self._believed())]
+
+    def _within(self, stamp: int) -> bool:
+        """Is it one of the time that was heard here?"""
+        if self._first is None or self.newest is None:
+            return False
+        return self._first[0] <= stamp < self.newest
 
     def _trusts(self, came: int) -> None:
         """The delay that was kept says nothing where the clock here was set back meanwhile."""
@@ -166,12 +195,35 @@ class Stamping(Generic[T]):
         fresh = resumed is not None and self._first is None and stamp <= resumed
         return came - began < AGAIN and (fresh or stamp in self._known)
 
-    def _drop(self) -> None:
-        again = bool(self._held) and self._may_have_come(self._held[-1][1])
-        known = sum(again or stamp + self._shift in self._known for stamp, _, _ in self._held)
-        self.repeated += known
-        self.rejected += len(self._held) - known
+    def _drop(self) -> list[tuple[int, T]]:
+        """What was held is no clock: it came before, or is late, or is of none."""
+        held = self._held
+        again = bool(held) and self._may_have_come(held[-1][1])
         self._held = []
+        out = list[tuple[int, T]]()
+        for stamp, came, sample in held:
+            if again or stamp + self._shift in self._known:
+                self.repeated += 1
+            elif self._lacks(stamp):
+                out += self._out(stamp + self._shift, came, sample)
+            else:
+                self.rejected += 1
+        return out
+
+    def _lacks(self, stamp: int) -> bool:
+        """Is a sample missing where this one lies?"""
+        moved = stamp + self._shift
+        return self.arrives and any(a < moved < b for a, b in self._holes)
+
+    def _kept(self) -> bool:
+        """Are those that are held what a gateway kept? It sends them faster than they are made."""
+        if self._first is None or self.newest is None:
+            return False
+        stamp, began = self._first
+        own = (self.newest - stamp) / max(self._came - began, 1)
+        (first, at, _), (last, came, _) = self._held[0], self._held[-1]
+        fast = last - first > FASTER * own * max(came - at, 1)
+        return fast and all(self._lacks(stamp) for stamp, _, _ in self._held)
 
     def _follows(self, stamp: int, came: int) -> bool:
         """Is it on the clock that holds so far?"""
@@ -213,8 +265,11 @@ class Stamping(Generic[T]):
             return []
         if self._first is not None and self.newest is not None and stamp > self.newest:
             step = stamp - self.newest  # the median of all, as it goes
+            if self._step and step > WIDE * self._step:
+                self._holes.append((self.newest, stamp))
             self._step *= 1.1 if step > self._step else 1.0 / 1.1
             self._step = self._step or float(step)
+        self.late += self.newest is not None and stamp < self.newest - FAR
         self.newest = stamp if self.newest is None else max(self.newest, stamp)
         self._first = (stamp, came) if self._first is None else self._first
         self._came = came
@@ -222,6 +277,13 @@ class Stamping(Generic[T]):
         if len(self._known) > KNOWN:
             del self._known[next(iter(self._known))]
         return [] if stored else [(stamp, sample.sample)]
+
+    def _goes_on(self, stamp: int) -> int | None:
+        """Shift of a clock that held before and by which a stamp goes on from the newest."""
+        assert self.newest is not None
+        most = max(FAR, min(int(STEPS * self._step), _MONTH))
+        found = [one for one in self._shifts if 0 < stamp + one - self.newest <= most]
+        return min(found, key=lambda one: abs(one - self._shift), default=None)
 
     def _believed(self) -> list[tuple[int, T]]:
         """What was held goes out: after a pause, or moved where the clock was set."""
@@ -231,14 +293,20 @@ class Stamping(Generic[T]):
         span = held[-1][0] - stamp, held[-1][1] - came
         hurried = self._hurried(came) or span[0] > HURRIED * span[1] + FAR // 10
         told = self.arrives and not hurried
-        if self.newest is not None and (told or not 0 < step <= _MONTH):
+        before = None if told or self.newest is None else self._goes_on(stamp)
+        if before is not None:
+            self._shift, self.set = before, self.set + 1
+        elif self.newest is not None and (told or not 0 < step <= _MONTH):
             passed = (
                 came - self._lead - self.newest if self._lead is not None and self.arrives else 0
             )
             # of a file it is by its rows alone: who reads it again finds the same
             steps = hurried or not self.arrives
             least = GAP if self._lead is None else int(self._step) if steps else 1
-            self._shift = self.newest + max(passed, least, 1) - stamp
+            shift = self.newest + max(passed, least, 1) - stamp
+            near = min(self._shifts, key=lambda one: abs(one - shift))
+            self._shift = near if told and abs(near - shift) <= BACK else shift
+            self._shifts.append(self._shift)
             self.set += 1
         self._lead = None
         return [one for t, at, sample in held for one in self._out(t + self._shift, at, sample)]

@@ -28,7 +28,7 @@ class Telling:
         self.since = time.time()
         self.newest: int | None = None
         self.received = 0
-        self.repeated = 0
+        self.repeated = self.refused = 0
         self.reason = ""
         self.hint = ""
         """What in the map looks wrong, and what would be right."""
@@ -57,12 +57,17 @@ class Telling:
         """Samples are kept out."""
         _add(self._rejected, reason, count)
         self.reason = reason
+        self.refused += count
 
     def lose(self, cause: str, count: int = 1) -> None:
         """Samples never came."""
         _add(self._lost, cause, count)
         if self.state == "up":
             self.reason = f"{count} lost: {cause}"
+
+    def found(self, cause: str, count: int = 1) -> None:
+        """What was counted as lost came late, or never was."""
+        self._lost -= Counter({cause: count})
 
     def note(self, what: str, count: int = 1) -> None:
         """Something remarkable in samples that are used."""

@@ -13,11 +13,13 @@ export function open({ context }) {
   const protocol = h("select", { id: "protocol", onchange: () => {
     port.value = String(PORTS[protocol.value]);
     topic.parentElement.hidden = protocol.value !== "mqtt";
+    device.parentElement.hidden = protocol.value !== "modbus";
     for (const one of lines.querySelectorAll(".place")) one.placeholder = PLACES[protocol.value];
   } }, Object.keys(PORTS).map((one) => h("option", { value: one }, one)));
   const host = h("input", { id: "host", value: "127.0.0.1" });
   const port = h("input", { id: "port", value: "502", inputmode: "numeric" });
   const topic = h("input", { id: "topic" });
+  const device = h("input", { id: "device", value: "1", inputmode: "numeric" });
   const heard = h("pre", { class: "copy heard", tabindex: 0, hidden: true, "aria-label": "What it says, decoded side by side" });
   const stop = h("button", { type: "button", hidden: true, id: "stop", onclick: () => watch(false) }, "Stop looking");
   const kind = h("select", { id: "kind", onchange: () => rolesOf() });
@@ -29,7 +31,7 @@ export function open({ context }) {
   const found = h("div", { id: "found" });
   let [kinds, timer, ended, asking] = [{}, null, false, false];
 
-  const where = () => ({ protocol: protocol.value, ...(protocol.value === "opcua" ? { url: `opc.tcp://${host.value}:${port.value}` } : { host: host.value, port: Number(port.value) }) });
+  const where = () => ({ protocol: protocol.value, ...(protocol.value === "opcua" ? { url: `opc.tcp://${host.value}:${port.value}` } : { host: host.value, port: Number(port.value) }), ...(protocol.value === "modbus" ? { device: Number(device.value) } : {}) });
 
   async function look() {
     if (asking) return "";
@@ -108,7 +110,7 @@ export function open({ context }) {
   topic.disabled = !may;
   const element = h("div", {}, h("h1", {}, "Add a machine"), !may && h("p", { class: "quiet" }, "To look only: open the link that 'evertwin page' printed."),
     h("section", { class: "card" }, h("h2", {}, "1. What does it say?"),
-      h("div", { class: "row" }, field("Protocol", protocol), field("Host", host), field("Port", port), field("Topic", topic)),
+      h("div", { class: "row" }, field("Protocol", protocol), field("Host", host), field("Port", port), field("Topic", topic), field("Unit (Modbus)", device)),
       h("div", { class: "row" }, action("Look", look, { class: "main", disabled: !may, id: "look" }), stop), heard),
     h("section", { class: "card" }, h("h2", {}, "2. What is what?"),
       h("div", { class: "row" }, field("Kind of machine", kind), field("Name", called)), wanted, names,

@@ -23,7 +23,7 @@ export function open() {
   /** Who runs which twin, where several machines share them; every other second. */
   async function share(context) {
     nodes.hidden = !context.shared;
-    if (!context.shared || Date.now() - asked < 2000) return;
+    if (!context.shared || context.silent || Date.now() - asked < 2000) return;
     asked = Date.now();
     try {
       put(nodes, shared(await ask("/api/v1/fleet")));
@@ -71,7 +71,7 @@ function tile(twin) {
   let drawn = "";
   const show = (now, condition) => {
     const [name, look] = CONDITIONS[condition];
-    const old = condition === "stale" ? `STALE for ${age(now.age)}` : name;
+    const old = condition === "stale" ? `STALE for ${age(now.age ?? now.silent)}` : name;
     const why = now.reason || now.why || (now.state === "ended" ? "its sources have ended" : returned(now));
     const meta = `newest sample ${now.age !== null && now.age >= 1 ? `${age(now.age)} ago` : age(now.age)} · version ${now.champion ?? "–"}${now.pinned ? " pinned" : ""} · ${count(now.rows, "row")}`;
     const key = [old, why, now.headline, meta, now.label, now.judged].join("|");

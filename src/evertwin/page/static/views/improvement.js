@@ -4,7 +4,7 @@ import { Axis, Chart, fromPixels, fromRows } from "../chart.js";
 import { action, field, h, put, s, table } from "../dom.js";
 import { gains, less, verdict } from "../verdict.js";
 import { clock, count, number, levelOf, quantity, scale, trimmed, unitOf } from "../words.js";
-import { ask, of } from "../wire.js";
+import { ask, asKnown, of } from "../wire.js";
 
 const SPAN = 120;
 
@@ -16,25 +16,38 @@ export function open({ twin, context }) {
   let drawn = "";
   let asked = 0;
   let charts = [];
+  let newest = null;
 
   async function look() {
     asked = Date.now();
-    let about;
     try {
-      about = await ask(of(twin));
+      newest = await ask(of(twin));
     } catch (error) {
-      return put(parts.head, h("p", {}, error.message));
+      return newest ?? put(parts.head, h("p", {}, error.message));
     }
+    return show();
+  }
+
+  const head = (about, events) => put(parts.head, verdict(about, events), about.headline && h("p", { class: "card lead", id: "headline" }, about.headline));
+
+  /** While the service says nothing, what it said last is stale. */
+  function aged() {
+    drawn = "";
+    if (newest) head(asKnown(newest), context.feed?.events ?? []);
+  }
+
+  async function show() {
+    const about = newest;
     const events = context.feed?.events ?? [];
     if (context.feed?.cursor === null) return setTimeout(look, 300); // how it went live is not known yet
     const key = JSON.stringify([about.champion, about.pinned, about.versions?.length, about.trial, about.figures, events.length, about.condition, about.stale, about.why, about.judged, about.alarm, about.returned, about.refused]);
     if (key === drawn) return undefined;
     drawn = key;
-    put(parts.head, verdict(about, events), about.headline && h("p", { class: "card lead", id: "headline" }, about.headline));
+    head(about, events);
     put(parts.trial, trial(about));
     put(parts.found, parameters(about), translation(about, events));
     put(lived, versions(events));
-    form.show(about);
+    form.show(about, events);
     beside.show(about);
     if (!parts.rivals.childElementCount && about.versions.length > 1) put(parts.rivals, beside.element);
     parts.rivals.hidden = about.versions.length < 2;
@@ -74,7 +87,7 @@ export function open({ twin, context }) {
   look();
   return {
     element: h("div", {}, parts.head, parts.picture, parts.rivals, h("div", { class: "columns" }, parts.found, h("div", {}, parts.trial, parts.versions))),
-    update: () => Date.now() - asked > 2000 && look(), redraw, close: () => context.feed?.removeEventListener("rows", rows),
+    update: () => (context.silent ? aged() : Date.now() - asked > 2000 && look()), redraw, close: () => context.feed?.removeEventListener("rows", rows),
   };
 }
 
@@ -217,11 +230,14 @@ function trial(about) {
 function orders(twin, context) {
   const reason = h("input", { id: "reason", required: true, maxlength: 500 });
   const person = h("input", { id: "person", maxlength: 100, value: context.person, onchange: (e) => (context.person = e.target.value) });
-  const chosen = h("select", { id: "version" });
+  const chosen = h("select", { id: "version", onchange: () => (touched = true) });
+  let [touched, live, drawn] = [false, null, ""];
+  let back = new Map();
   const may = context.page.may_order;
   const order = (name) => async () => {
     if (!reason.value.trim() || !person.value.trim()) throw new Error("say who and why first");
     const version = name === "rollback" || name === "unpin" ? null : Number(chosen.value);
+    if (version !== null && !sure(name, version)) return "nothing was changed";
     const event = await ask(of(twin, "/orders"), { order: name, version, reason: reason.value, person: person.value });
     return `${event.kind}: ${event.reason}`;
   };
@@ -230,12 +246,23 @@ function orders(twin, context) {
   const element = h("div", {}, h("h3", {}, "Order"), !may && h("p", { class: "quiet" }, "To look only: open the link that 'evertwin page' printed to order."),
     h("div", { class: "row" }, field("Version", chosen), field("Who", person), field("Why", reason)),
     h("div", { class: "row" }, button("Promote", "promote", { class: "main" }), button("Roll back", "rollback"), pin, unpin));
-  const show = (about) => {
+  /** Whoever pins means what runs now; whatever else goes live by it is asked for. */
+  const sure = (name, version) => {
+    const taken = back.has(version) ? ` It was taken back: ${back.get(version)}.` : "";
+    const other = version !== live && (name === "pin" || taken);
+    return !other || confirm(`Version ${version} goes live in place of ${live}.${taken}`);
+  };
+  const show = (about, events) => {
     pin.hidden = Boolean(about.pinned);
     unpin.hidden = !about.pinned;
-    for (const one of (about.versions ?? []).slice(chosen.options.length)) {
-      chosen.prepend(h("option", { value: String(one.number), selected: true }, `version ${one.number}: ${one.reason.slice(0, 60)}`));
-    }
+    back = new Map(events.filter((e) => e.kind === "rolled_back").map((e) => [e.evidence?.replaced, e.reason]));
+    const how = (number) => (number === about.champion ? ", live" : back.has(number) ? ", taken back" : "");
+    const said = (about.versions ?? []).toReversed().map((one) => [one.number, `version ${one.number}${how(one.number)}: ${one.reason.slice(0, 60)}`]);
+    const kept = chosen.value;
+    if (JSON.stringify(said) !== drawn) put(chosen, said.map(([number, text]) => h("option", { value: String(number) }, text)));
+    drawn = JSON.stringify(said);
+    live = about.champion;
+    chosen.value = touched ? kept : String(live);
   };
   return { element, show };
 }

@@ -6,12 +6,12 @@ import { ask, of } from "../wire.js";
 
 const EVERY = 30000;
 
-export function open({ twin }) {
+export function open({ twin, context }) {
   const body = h("div", {}, h("p", { class: "quiet" }, "Asking …"));
   let asked = 0;
 
   async function update() {
-    if (Date.now() - asked < EVERY) return;
+    if (context.silent || Date.now() - asked < EVERY) return;
     asked = Date.now();
     try {
       put(body, shown(await ask(of(twin, "/life"))));

@@ -5,7 +5,7 @@ import { h, put, table } from "../dom.js";
 import { arm, exceeds, floor, leaning, robot, Scene } from "../scene.js";
 import { verdict } from "../verdict.js";
 import { age, clock, number, levelOf, quantity, trimmed, unitOf } from "../words.js";
-import { ask, of } from "../wire.js";
+import { ask, asKnown, of } from "../wire.js";
 
 const SPANS = [["30 s", 30], ["2 min", 120], ["10 min", 600], ["1 h", 3600], ["8 h", 28800]];
 const FRAME = 100;
@@ -60,9 +60,10 @@ class Live {
   }
 
   update() {
-    if (Date.now() - (this.asked ?? 0) > 4000) this.#about();
-    if (this.context.feed?.rows.t.length) this.#values(this.context.feed.rows);
-    this.log.update();
+    if (this.context.silent) this.#head();
+    else if (Date.now() - (this.asked ?? 0) > 4000) this.#about();
+    if (this.context.feed?.rows.t.length) this.#newest(this.context.feed.rows);
+    if (!this.context.silent) this.log.update();
   }
 
   #controls() {
@@ -84,14 +85,9 @@ class Live {
     this.asking = true;
     this.asked = Date.now();
     try {
-      const about = await ask(of(this.twin));
-      this.about = about;
-      const drawn = JSON.stringify([about.state, about.headline, about.condition, about.why, about.champion, about.figures, about.trial, about.label, about.stale, about.judged, about.alarm, about.returned, about.refused, this.context.feed?.cursor]);
-      const waits = this.context.feed?.cursor === null && about.state !== "starting";
-      if (waits) this.asked = 0; // how it went live is not known yet
-      else if (drawn !== this.drawn) put(this.head, verdict(about, this.context.feed?.events ?? []));
-      if (this.context.feed?.cursor !== null) this.drawn = drawn;
-      if (about.outputs && !this.charts.length) {
+      this.about = await ask(of(this.twin));
+      this.#head();
+      if (this.about.outputs && !this.charts.length) {
         this.#choose();
         if (!this.looks) this.#scene(); // it was asked for while the twin was starting
       }
@@ -99,6 +95,17 @@ class Live {
       if (!this.about) put(this.head, h("p", {}, error.message));
     }
     this.asking = false;
+  }
+
+  /** What came of it, as far as it is known now. */
+  #head() {
+    if (!this.about) return;
+    const about = asKnown(this.about);
+    const drawn = JSON.stringify([about.state, about.headline, about.condition, about.why, about.champion, about.figures, about.trial, about.label, about.stale, about.judged, about.alarm, about.returned, about.refused, this.context.feed?.cursor]);
+    const waits = this.context.feed?.cursor === null && about.state !== "starting";
+    if (waits) this.asked = 0; // how it went live is not known yet
+    else if (drawn !== this.drawn) put(this.head, verdict(about, this.context.feed?.events ?? []));
+    if (this.context.feed?.cursor !== null) this.drawn = drawn;
   }
 
   #choose() {
@@ -194,10 +201,15 @@ class Live {
     if (!rows.t.length) return;
     const newest = rows.t[rows.t.length - 1];
     this.axis.newest(newest * 1e-9);
-    put(this.at, `${!this.axis.follows ? "stopped at" : this.about?.stale ? "STALE, newest" : "live, machine's clock"} ${clock(this.axis.last * 1e9, true)}`);
+    this.#newest(rows);
     if (this.axis.follows || !this.past) this.#look();
-    this.#values(rows);
     this.#pose(rows);
+  }
+
+  #newest(rows) {
+    const stale = this.context.silent || this.about?.stale;
+    put(this.at, `${!this.axis.follows ? "stopped at" : stale ? "STALE, newest" : "live, machine's clock"} ${clock(this.axis.last * 1e9, true)}`);
+    this.#values(rows);
   }
 
   #values(rows) {

@@ -3,6 +3,8 @@
 import { h, put, table } from "../dom.js";
 import { age, clock, count, number } from "../words.js";
 
+const TOLD = ["state", "rate here", "newest stamp", "received", "came twice", "kept out, why", "lost, why", "remarkable", "reconnects"];
+
 export function open({ twin, context }) {
   const body = h("div");
   const rates = new Map();
@@ -21,12 +23,13 @@ export function open({ twin, context }) {
   function update() {
     const found = context.twins.find((one) => one.name === twin);
     if (!found) return;
-    const rows = Object.entries(found.sources).map(([name, one]) => {
+    const names = Object.keys(found.sources);
+    const told = Object.entries(found.sources).map(([name, one]) => {
       const often = rate(name, one.received);
-      return [name, one.state, often === null || often === undefined ? "…" : `${number(often)} 1/s`, clock(one.newest, true), String(one.received), String(one.repeated), counts(one.rejected), counts(one.lost), counts(one.noted), `${one.reconnects}${one.reason ? `: ${one.reason}` : ""}`];
+      return [found.silent ? "not known" : one.state, often === null || often === undefined ? "…" : `${number(often)} 1/s`, clock(one.newest, true), String(one.received), String(one.repeated), counts(one.rejected), counts(one.lost), counts(one.noted), `${one.reconnects}${one.reason ? `: ${one.reason}` : ""}`];
     });
     put(body, h("p", { class: "lead" }, `Newest sample ${age(found.age)}${found.age >= 1 ? " ago" : ""}; ${count(found.waiting, "piece waits", "pieces wait")}; ${found.dropped} samples dropped because too many waited.`),
-      table("Sources", ["source", "state", "rate here", "newest stamp", "received", "came twice", "kept out, why", "lost, why", "remarkable", "reconnects"], rows),
+      table("Sources", ["", ...names], TOLD.map((name, k) => [name, ...told.map((one) => one[k])])),
       quality());
   }
 
