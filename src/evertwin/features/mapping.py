@@ -44,6 +44,8 @@ from evertwin.types import Float64, Int64, Stamps, Vector
 
 OVERLAP = 12
 """Keyframes that see the same walls."""
+FARTHEST = 200.0
+"""Middle of all ranges above which they are not in metres."""
 OFTEN = 0.9
 """Share of the scans that are placed, below which odometry may be in their way."""
 
@@ -206,9 +208,15 @@ def mapped(scans: Scans, use_odometry: bool = True) -> Mapped:
     """The poses of a recording, its loops closed.
 
     Raises:
-        DataError: no scan tells a pose.
+        DataError: no scan tells a pose, or ranges are not in metres.
         MissingExtra: GTSAM is not installed.
     """
+    seen = scans.ranges[np.isfinite(scans.ranges)]
+    if len(seen) and np.median(seen) > FARTHEST:
+        raise DataError(
+            f"{scans.name}: half of the ranges are over {FARTHEST:.0f}: expected metres; are they "
+            "in millimetres or centimetres?"
+        )
     odd = troubles(scans)
     scans, (poses, took), said = _upright(without_cover(without_body(scans)), use_odometry)
     fused = streamed(scans, poses)
