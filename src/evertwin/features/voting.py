@@ -8,7 +8,7 @@ is left out there, too. Which of two is wrong cannot be told.
 >>> ends = np.arange(60.0)
 >>> stands = 0.4 * np.minimum(ends, 30.0)                         # from 30 s on
 >>> outvoted(ends, np.column_stack([0.4 * ends, 0.4 * ends, stands]))
-[(2, 29.0, 59.0)]
+[(2, 26.0, 59.0)]
 """
 
 from __future__ import annotations
@@ -101,6 +101,6 @@ def _spans(ends: Vector, odd: np.ndarray, confirmed: np.ndarray) -> Iterator[tup
         if len(group) < FEW:
             continue
         before, after = sure[sure < group[0]], sure[sure > group[-1]]
-        start = ends[before[-1]] + (1 - PART) * SPAN if len(before) else ends[0]
+        start = ends[before[-1]] if len(before) else ends[0]
         end = ends[after[0]] + PART * SPAN if len(after) else ends[-1]
-        yield float(min(start, ends[group[0]] + SPAN)), float(max(end, ends[group[-1]]))
+        yield float(start), float(max(end, ends[group[-1]]))
