@@ -311,6 +311,17 @@ def register(
 
 
 @njit(cache=True)
+def added(h: Any, w: float, x: float, y: float, turn: float) -> None:
+    """Adds what one residual tells: ``w`` times its gradient's square, in the lower triangle."""
+    h[0, 0] += w * x * x
+    h[1, 0] += w * x * y
+    h[1, 1] += w * y * y
+    h[2, 0] += w * x * turn
+    h[2, 1] += w * y * turn
+    h[2, 2] += w * turn * turn
+
+
+@njit(cache=True)
 def firmness(
     scan: Any, n: int, points: Any, heads: Any, order: Any, pose: Any, scale: float, shared: float
 ) -> Any:
@@ -331,14 +342,16 @@ def firmness(
             if known > 0:
                 square = (ex * ex + ey * ey) / (SPOT * SPOT * scale * scale)
                 w = known / (known + shared) / (1 + square) / (SPOT * SPOT)
-                h += w * np.array([[1.0, 0.0, -py], [0.0, 1.0, px], [-py, px, px * px + py * py]])
+                added(h, w, 1.0, 0.0, -py)
+                added(h, w, 0.0, 1.0, px)
             continue
         known, e, mx, my = beside(points, heads, order, (x, y, nx, ny), NARROW)
         if known > 0:
             w = known / (known + shared) / (1 + (e / scale) * (e / scale))
-            row = np.array([mx, my, my * px - mx * py])
-            h += w * np.outer(row, row)
+            added(h, w, mx, my, my * px - mx * py)
             found += known / (known + shared)
     freed(h, g, SCATTER * found)
-    h[0, 2], h[1, 2], h[0, 1] = h[2, 0], h[2, 1], h[1, 0]
-    return h / (scale * scale)
+    for i in range(3):
+        for j in range(i + 1):
+            h[i, j] = h[j, i] = h[i, j] / (scale * scale)
+    return h
