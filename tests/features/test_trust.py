@@ -10,6 +10,7 @@ import pytest
 
 from evertwin.features.mapping import mapped
 from evertwin.features.poses import Fix
+from evertwin.features.trust import without_repeats
 from evertwin.features.voting import outvoted
 from evertwin.signals.planar import between, compose
 from evertwin.sources.scans import Lidar, Scans, Track
@@ -95,8 +96,29 @@ def test_a_frozen_lidar_with_jitter_is_outvoted_by_wheels_and_gyro() -> None:
     frozen[40:80] = frozen[40] + 0.002 * rng.normal(size=(40, frozen.shape[1]))
     found = mapped(replace(scans, ranges=frozen))
     assert any("a frozen lidar" in line for line in found.findings)
+    coarse = frozen.copy()
+    coarse[40:80] += 0.02 * rng.normal(size=(40, frozen.shape[1]))  # more than its noise
+    assert any("a frozen lidar" in x for x in mapped(replace(scans, ranges=coarse)).findings)
     assert (found.poses.fix[42:79] == Fix.PREDICTED).all()
     assert np.hypot(*(found.poses.pose - truth)[:, :2].T).max() < 0.2
+
+
+def test_a_lidar_that_repeats_itself_by_less_than_its_noise_is_frozen() -> None:
+    """Wheels alone tell; those that spin while the machine stands are another thing."""
+    scans, truth = driven(6)
+    rng, n = np.random.default_rng(6), scans.ranges.shape[1]
+    frozen, stuck = scans.ranges.copy(), scans.ranges.copy()
+    frozen[40:80] = frozen[40] + 0.002 * rng.normal(size=(40, n))
+    stuck[40:80] += np.median(stuck[35:41], axis=0) - stuck[40:80]
+    stuck[40:80] += 0.01 * rng.normal(size=(40, n))
+    found = without_repeats(replace(scans, ranges=frozen, gyro=None))
+    assert np.isnan(found.ranges[41:80]).all() and np.isfinite(found.ranges[:41]).all()
+    assert "scans 40 to 79 repeat one another" in " ".join(found.findings)
+    for one in (scans, replace(scans, ranges=stuck, gyro=None)):
+        assert without_repeats(one).findings == ()
+    assert (
+        np.hypot(*(mapped(replace(scans, ranges=frozen)).poses.pose - truth)[:, :2].T).max() < 0.2
+    )
 
 
 @pytest.mark.parametrize("seed", range(3))

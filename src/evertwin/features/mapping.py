@@ -36,7 +36,7 @@ from evertwin.features.troubles import (
     without_body,
     without_cover,
 )
-from evertwin.features.trust import doubtful, trusted
+from evertwin.features.trust import doubtful, trusted, without_repeats
 from evertwin.fold import join, make_block, take
 from evertwin.signals.planar import between, compose
 from evertwin.sources.scans import Lidar, Scans
@@ -241,6 +241,7 @@ def mapped(scans: Scans, use_odometry: bool = True) -> Mapped:
 def _upright(scans: Scans, use_odometry: bool) -> tuple[Scans, Followed, list[str]]:
     """Followed; with the lidar turned to where scans and odometry together say that it looks."""
     said: list[str] = []
+    scans = without_repeats(scans) if use_odometry else scans
     if use_odometry and doubtful(scans):
         alone = followed(scans, use_odometry=False, look_ahead=True)
         scans, said = trusted(scans, alone.poses)

@@ -5,12 +5,14 @@ Which of the three it is tells `evertwin.features.voting`, so all three must be 
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 
 from evertwin.features.motion import summed, turned_at
 from evertwin.features.poses import Fix, Poses
+from evertwin.features.surface import noise
 from evertwin.features.voting import FEW, TELLS, apart, outvoted, steady, turned
 from evertwin.sources.scans import Scans, Track
 from evertwin.types import Float64, Stamps, Vector
@@ -23,6 +25,9 @@ REPEATS = 3.0
 """How far a range may be off those of a lidar that repeats itself, as a multiple of its usual."""
 JITTERS = 0.05
 """The same usual, at most [m]."""
+NOISY, WENT, SOME = 0.5, 0.1, 50
+"""Middle difference of ranges that are one, over their noise: of two scans of a place it is 0.95;
+way or turn of the wheels meanwhile [m, rad]; scans that tell the noise."""
 WHO = ("the wheels turn", "the gyro turns", "the scans turn")
 OTHERS = ("gyro and scans", "wheels and scans", "wheels and gyro")
 
@@ -95,6 +100,37 @@ def repeated(ranges: Float64[np.ndarray, "n beams"], within: np.ndarray) -> np.n
     first = edges[edges < at].max(initial=-1) + 1
     last = edges[edges > at].min(initial=len(ranges))
     return np.arange(first, last)
+
+
+def without_repeats(scans: Scans) -> Scans:
+    """Without scans that repeat one before, but for less than their noise, while the wheels go on.
+
+    A machine that stands while its wheels spin sees all of the noise anew; a lidar that is frozen
+    says the same again, whatever is added to it on the way.
+    """
+    wheels, ranges = scans.odometry, scans.ranges
+    sigma = float(np.median([noise(one) for one in ranges[:: max(len(ranges) // SOME, 1)]]))
+    if wheels is None or not sigma:
+        return scans
+    out, said, i = ranges.copy(), [], 0
+    while i < len(ranges) - 1:
+        j = i
+        while j + 1 < len(ranges) and _off(ranges[j + 1], ranges[i]) < NOISY * sigma:
+            j += 1
+        went = np.abs(wheels[i : j + 1] - wheels[i])
+        if j > i and np.nanmax(went, initial=0.0) > WENT:
+            out[i + 1 : j + 1] = np.nan
+            said.append(f"scans {i} to {j} repeat one another by less than their noise while the "
+                        "wheels go on: a frozen lidar; left out")  # fmt: skip
+        i = max(j, i + 1)
+    return replace(scans, ranges=out, findings=(*scans.findings, *said)) if said else scans
+
+
+def _off(one: Vector, other: Vector) -> float:
+    """By how much ranges differ, in the middle [m]."""
+    off = np.abs(one - other)
+    off = off[np.isfinite(off)]
+    return float(np.median(off)) if len(off) else math.inf
 
 
 def _times(scans: Scans) -> Stamps:
