@@ -14,8 +14,18 @@ from evertwin.app import mapping as app_mapping
 from evertwin.app.cli import main
 from evertwin.errors import DataError
 from evertwin.features import pose_graph
+from evertwin.features.local_map import seen
 from evertwin.features.mapping import Mapped, followed, mapped
-from evertwin.features.occupancy import FREE, OCCUPIED, UNKNOWN, counted, of_keyframes, read, save
+from evertwin.features.occupancy import (
+    FREE,
+    OCCUPIED,
+    UNKNOWN,
+    Occupancy,
+    counted,
+    of_keyframes,
+    read,
+    save,
+)
 from evertwin.features.open_ways import evened
 from evertwin.features.pose_graph import Edge, optimised
 from evertwin.features.poses import Fix, Poses
@@ -24,7 +34,7 @@ from evertwin.features.segments import surface_of
 from evertwin.features.trajectory_error import trajectory_error
 from evertwin.signals.planar import between
 from evertwin.sources.scans import Scans
-from planted.rooms import Sensor, recorded
+from planted.rooms import Sensor, box, ranges, recorded
 
 pytest.importorskip("gtsam", reason="the extra perception is not installed")
 COARSE = Sensor(beams=120, step=np.radians(2.0), apart=0.25)
@@ -225,6 +235,36 @@ def test_a_scan_is_found_in_its_map_and_in_no_other(
     other, _ = recorded(11, COARSE, laps=0.1)
     assert located([View(surface_of(other, 5))], chart).pose is None
     assert located([View(np.zeros((2, 4)))], chart).pose is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("cell", "half"), [(0.05, 0.04), (0.05, 0.075), (0.1, 0.05)])
+def test_a_scan_is_found_in_a_map_whose_walls_are_drawn_thick(cell: float, half: float) -> None:
+    """As other tools draw them: a beam that grazes a wall is in its cells long before its end."""
+    right, wrong = 0, 0
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        walls = np.concatenate(
+            [box(0, 0, *rng.uniform(7, 11, 2)), *(box(*rng.uniform(-3, 3, 2), 0.6, 0.9, k)
+                                                 for k in range(3)),
+             *(box(*rng.uniform(-3, 3, 2), 0.06, 0.06) for _ in range(12))]
+        )  # fmt: skip
+        side = np.arange(-6.5, 6.5, cell) + 0.5 * cell
+        at = np.stack(np.meshgrid(side, side), axis=-1)[:, :, None]
+        a, along = walls[:, :2], walls[:, 2:] - walls[:, :2]
+        part = np.clip(((at - a) * along).sum(-1) / (along**2).sum(-1), 0, 1)
+        off = np.hypot(*np.moveaxis(at - a - part[..., None] * along, -1, 0)).min(axis=-1)
+        cells = np.where(off < half, OCCUPIED, FREE).astype(np.uint8)
+        chart = Occupancy(cells, cell, (-6.5, -6.5))
+        for _ in range(3):
+            pose = np.array([*rng.uniform(-2, 2, 2), rng.uniform(-3, 3)])
+            angles = np.radians(np.arange(-180.0, 180.0))
+            scan = ranges(walls, pose, angles) + 0.01 * rng.normal(size=360)
+            place = located([View(seen(scan, angles, (0.0, 0.0, 0.0)))], chart).pose
+            if place is not None:
+                good = np.hypot(*between(pose, place)[:2]) < 0.15
+                right, wrong = right + int(good), wrong + int(not good)
+    assert right >= 9 and not wrong
 
 
 def log_of(scans: Scans, truth: np.ndarray, file: Path) -> Path:

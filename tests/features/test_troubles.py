@@ -168,3 +168,11 @@ def test_ranges_in_millimetres_are_asked_about(drive: tuple[Scans, np.ndarray]) 
     scans, _ = drive
     with pytest.raises(DataError, match="in millimetres"):
         mapped(replace(scans, ranges=np.full_like(scans.ranges, np.nan), odometry=None))
+
+
+def test_ranges_that_are_no_metres_are_asked_about_before_they_are_followed(
+    drive: tuple[Scans, np.ndarray],
+) -> None:
+    scans, _ = drive
+    with pytest.raises(DataError, match="in millimetres"):
+        mapped(replace(scans, ranges=1000 * scans.ranges))

@@ -245,3 +245,33 @@ def test_a_named_topic_and_one_that_is_not_there(tmp_path: Path) -> None:
         with pytest.raises(UsageError, match=r"did you mean|there is"):
             scans_of(open_recording(path), *names)
     assert replace(only(path, "/back"), findings=()).timed
+
+
+def test_stamps_that_never_change_give_way_to_the_times_of_logging(tmp_path: Path) -> None:
+    """Long before the logging: they are no clock that the times of logging could be put on."""
+    making = Making("ros1")
+    said = []
+    for i in range(9):
+        one = making.scan(START - 25 * 10**9, ranges(i))
+        said.append(one._replace(logged=START + i * PERIOD))
+    scans = only(making.write(tmp_path / "a.bag", said))
+    assert scans.t.tolist() == [START + i * PERIOD for i in range(9)]
+    assert "the times of logging are used" in " ".join(scans.findings)
+
+
+def test_a_gyro_that_says_no_number_is_not_taken_to_stand(tmp_path: Path) -> None:
+    making = Making("mcap")
+    said = [making.scan(START + i * PERIOD, ranges(i)) for i in range(6)]
+    rates = [0.1, 0.2, math.nan, math.nan, 0.3, 0.4]
+    said += [making.imu(START + i * PERIOD, rate) for i, rate in enumerate(rates)]
+    gyro = only(making.write(tmp_path / "a", said)).gyro
+    assert gyro is not None and gyro.values[:, 0].tolist() == [0.1, 0.2, 0.3, 0.4]
+
+
+def test_members_that_nobody_fills_are_no_findings(tmp_path: Path) -> None:
+    making = Making("mcap")
+    said = [making.scan(START + i * PERIOD, ranges(i)) for i in range(6)]
+    said += [making.imu(START + i * PERIOD, 0.1 + 0.01 * i) for i in range(6)]
+    assert not [x for x in inspect(making.write(tmp_path / "a", said)).findings if "const" in x]
+    still = [making.imu(START + i * PERIOD, 0.1) for i in range(6)]
+    assert [x for x in inspect(making.write(tmp_path / "b", still)).findings if "const" in x]

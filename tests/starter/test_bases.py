@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -161,3 +162,26 @@ def test_what_is_no_fix_adds_no_plane(tmp_path: Path) -> None:
     heading = "t,cmd_v,cmd_w,acc_lat,acc_long,x,y,yaw"
     file = written(tmp_path, heading, [u[:, 0], u[:, 2], u[:, ::2], pose])
     assert "east" not in proposed(file).read_text()
+
+
+@pytest.mark.parametrize("first", ["odom", "map"])
+def test_a_pose_is_of_one_table_where_two_tell_it_in_two_frames(first: str, tmp_path: Path) -> None:
+    """The wheels say heading by its name, the map of a lidar theta: x and y must not be mixed."""
+    u, pose = driven(3)
+    t = (STEP * 1e9 * np.arange(ROWS)).astype(np.int64)
+    tables = {
+        "odom": ("t_ns,v,w,pos.x,pos.y,orientation.yaw", [u[:, [0, 2]], pose - pose[0]]),
+        "map": ("t_ns,x,y,theta,var_x,var_theta", [pose, 1e-5 * (1 + pose[:, :2] ** 2)]),
+    }
+    files = []
+    for name in sorted(tables, key=lambda name: name != first):
+        heading, columns = tables[name]
+        file = tmp_path / f"{name}.csv"
+        table = np.column_stack([t, *columns])
+        np.savetxt(file, table, "%.7f", ",", header=heading, comments="")
+        files.append(file)
+    out = tmp_path / "twin.toml"
+    write_starter(files, out, ("differential", None), True, False)
+    held = [set(re.findall(r"^(x|y|heading) = ", part, re.M))
+            for part in out.read_text().split("[[source]]")]  # fmt: skip
+    assert {"x", "y", "heading"} in held and sum(map(len, held)) == 3

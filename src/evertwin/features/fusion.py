@@ -222,6 +222,8 @@ def measured(belief: Belief, sighting: Sighting, way: float = 1.0) -> Measured:
         wider = np.eye(5)
         wider[:3, :3] *= math.sqrt(square / 3.0)
         p = wider @ belief.covariance @ wider
+        turn = float(wrapped(off[2:])[0])
+        p[3, 3] += BIAS * BIAS * (turn * turn > ALONE * s[2, 2])  # or the gyro's bias has changed
         if slip:
             opened = np.array([way * ahead[0], way * ahead[1], 0.0, 0.0, 1.0])
             p += OPEN * OPEN * np.outer(opened, opened)

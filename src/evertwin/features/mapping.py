@@ -18,11 +18,13 @@ from evertwin.errors import DataError
 from evertwin.features.fusion import Belief, Sighting
 from evertwin.features.local_map import Surface
 from evertwin.features.look_ahead import read_on
+from evertwin.features.motion import motion_at, silence, turned_at
 from evertwin.features.open_ways import evened
+from evertwin.features.pose_graph import at_origin
 from evertwin.features.poses import Fix, Poses
 from evertwin.features.scan_fit import COMMON
 from evertwin.features.scan_matcher import ScanMatcher, table
-from evertwin.features.segments import Solved, joined
+from evertwin.features.segments import Solved, joined, keyframes, origin_of
 from evertwin.features.stream import Stream, Turned
 from evertwin.features.troubles import (
     ASKEW,
@@ -32,12 +34,18 @@ from evertwin.features.troubles import (
     scaled,
     troubles,
     without_body,
+    without_cover,
 )
+from evertwin.features.trust import doubtful, trusted, without_repeats
 from evertwin.fold import join, make_block, take
 from evertwin.signals.planar import between, compose
 from evertwin.sources.scans import Lidar, Scans
 from evertwin.types import Float64, Int64, Stamps, Vector
 
+OVERLAP = 12
+"""Keyframes that see the same walls."""
+FARTHEST = 200.0
+"""Middle of all ranges above which they are not in metres."""
 OFTEN = 0.9
 """Share of the scans that are placed, below which odometry may be in their way."""
 
@@ -116,26 +124,6 @@ def followed(scans: Scans, use_odometry: bool = True, look_ahead: bool = False) 
     return Followed(join(outs).rows, took)
 
 
-def motion_at(scans: Scans) -> Float64[np.ndarray, "n _"]:
-    """The wheels' pose at each scan, and the gyro's angle; no column where there is neither."""
-    n = len(scans.t)
-    wheels = np.full((n, 3), np.nan) if scans.odometry is None else scans.odometry
-    if scans.gyro is None:
-        return np.zeros((n, 0)) if scans.odometry is None else wheels
-    return np.column_stack([wheels, _turned_at(scans, scans.t)])
-
-
-def _turned_at(scans: Scans, t: Stamps) -> Vector:
-    """The gyro's angle at some times [rad]; NaN without one."""
-    if scans.gyro is None:
-        return np.full(len(t), np.nan)
-    known, rate = scans.gyro.t, scans.gyro.values[:, 0]
-    steps = 0.5 * (rate[1:] + rate[:-1]) * np.diff(known) * 1e-9
-    angle = np.concatenate([[0.0], np.cumsum(steps)])
-    at, base = (t - known[0]) * 1e-9, (known - known[0]) * 1e-9
-    return np.asarray(np.interp(at, base, angle, np.nan, np.nan))
-
-
 def streamed(scans: Scans, poses: Poses) -> Fused | None:
     """The fused pose at each word of the wheels, from what had arrived by then.
 
@@ -143,7 +131,7 @@ def streamed(scans: Scans, poses: Poses) -> Fused | None:
     """
     if scans.wheels is None or scans.arrived is None:
         return None
-    angle = _turned_at(scans, scans.wheels.t)
+    angle = turned_at(scans, scans.wheels.t)
     heading = np.unwrap(scans.wheels.values[:, 2])
     wheels = [
         Turned(int(t), np.array([*pose[:2], turn]), float(a)) for t, pose, turn, a in
@@ -152,9 +140,12 @@ def streamed(scans: Scans, poses: Poses) -> Fused | None:
     scan = [(int(t), 1, k) for k, t in enumerate(scans.arrived)]
     events = sorted([(int(t), 0, k) for k, t in enumerate(scans.wheels.arrived)] + scan)
     live: Stream | None = None
-    rows, segment, late = [], -1, 0
+    rows, segment, late, silent = [], -1, 0, silence(scans.wheels.t)
     for _, kind, k in events:
         if kind == 0:
+            if live is not None and wheels[k].t - live.now.wheels.t > silent:  # begins anew
+                late += live.late
+                live = None
             if live is not None:
                 live = live.moved(wheels[k])
                 rows.append((live.belief, segment))
@@ -166,11 +157,37 @@ def streamed(scans: Scans, poses: Poses) -> Fused | None:
                 live = live.seen(int(scans.t[k]), Sighting(poses.sighted[k], poses.information[k]))
     if not rows:
         return None
-    return Fused(
-        np.array([one.t for one, _ in rows]), np.array([one.pose for one, _ in rows]),
-        np.array([one.covariance[:3, :3] + COMMON for one, _ in rows]),
-        np.array([one for _, one in rows]), late + (0 if live is None else live.late),
-    )  # fmt: skip
+    t, of = np.array([one.t for one, _ in rows]), np.array([one for _, one in rows])
+    pose = np.array([one.pose for one, _ in rows])
+    covariance = np.array([one.covariance[:3, :3] for one, _ in rows]) + drift(
+        scans, poses, t, pose, of
+    )
+    return Fused(t, pose, covariance, of, late + (0 if live is None else live.late))
+
+
+def drift(
+    scans: Scans, poses: Poses, t: Stamps, pose: Float64[np.ndarray, "n 3"], segment: np.ndarray
+) -> Float64[np.ndarray, "n 3 3"]:
+    """Covariance of the local map about the first scan of its segment, where the machine is.
+
+    A scan that joins the map errs by what its fit does, and the map by the mean of those that see
+    the same walls: where they are n, it moves by (2 / (n + 1))² of the variance of one.
+    """
+    out = np.tile(COMMON, (len(t), 1, 1))
+    for number in np.unique(segment):
+        mine, keys = segment == number, keyframes(poses, int(number))
+        if len(keys) < 2:
+            continue
+        own = np.linalg.inv(poses.information[keys[1:]] + np.eye(3))
+        own = np.concatenate([[origin_of(poses, keys) - COMMON], own])
+        share = np.full(len(keys), (2 / (OVERLAP + 1)) ** 2)
+        share[0] = 1.0
+        turns = np.array([at_origin(one, False) for one in poses.pose[keys]])
+        parts = np.cumsum(share[:, None, None] * (turns @ own @ turns.transpose(0, 2, 1)), axis=0)
+        k = np.maximum(np.searchsorted(scans.t[keys], t[mine], side="right") - 1, 0)
+        back = np.array([np.linalg.inv(at_origin(one, False)) for one in pose[mine]])
+        out[mine] += back @ parts[k] @ back.transpose(0, 2, 1)
+    return out
 
 
 def _begun(scans: Scans, poses: Poses, k: int, wheels: Sequence[Turned]) -> Stream | None:
@@ -179,7 +196,11 @@ def _begun(scans: Scans, poses: Poses, k: int, wheels: Sequence[Turned]) -> Stre
     after = bisect_left(wheels, t, key=lambda one: one.t)
     if after == len(wheels) or (after == 0 and wheels[0].t > t):
         return None
-    at = wheels[max(after - 1, 0)].at(t, wheels[after])
+    before = wheels[max(after - 1, 0)]
+    assert scans.wheels is not None
+    if wheels[after].t - before.t > silence(scans.wheels.t):
+        return None
+    at = before.at(t, wheels[after])
     return Stream.begun(Belief.at_rest(t, poses.pose[k], np.zeros((3, 3))), at)
 
 
@@ -187,10 +208,17 @@ def mapped(scans: Scans, use_odometry: bool = True) -> Mapped:
     """The poses of a recording, its loops closed.
 
     Raises:
-        DataError: no scan tells a pose.
+        DataError: no scan tells a pose, or ranges are not in metres.
         MissingExtra: GTSAM is not installed.
     """
-    scans, (poses, took), said = _upright(without_body(scans), use_odometry)
+    seen = scans.ranges[np.isfinite(scans.ranges)]
+    if len(seen) and np.median(seen) > FARTHEST:
+        raise DataError(
+            f"{scans.name}: half of the ranges are over {FARTHEST:.0f}: expected metres; are they "
+            "in millimetres or centimetres?"
+        )
+    odd = troubles(scans)
+    scans, (poses, took), said = _upright(without_cover(without_body(scans)), use_odometry)
     fused = streamed(scans, poses)
     poses = evened(poses, scans.odometry if use_odometry else None)
     if not ((poses.fix != Fix.LOST) & (poses.segment == 0)).any():
@@ -206,17 +234,24 @@ def mapped(scans: Scans, use_odometry: bool = True) -> Mapped:
     first = maps[0]
     return Mapped(
         poses, first.graph.poses, first.surfaces, first.loops, took, fused, scans.lidar,
-        (*scans.findings, *troubles(scans), *said),
+        (*scans.findings, *odd, *said),
     )  # fmt: skip
 
 
 def _upright(scans: Scans, use_odometry: bool) -> tuple[Scans, Followed, list[str]]:
     """Followed; with the lidar turned to where scans and odometry together say that it looks."""
+    said: list[str] = []
+    scans = without_repeats(scans) if use_odometry else scans
+    if use_odometry and doubtful(scans):
+        alone = followed(scans, use_odometry=False, look_ahead=True)
+        scans, said = trusted(scans, alone.poses)
     found = followed(scans, use_odometry, look_ahead=True)
+    if use_odometry and not said:
+        scans, said = trusted(scans, found.poses)
+        found = followed(scans, use_odometry, look_ahead=True) if said else found
     wheels = scans.odometry
     if wheels is None or not use_odometry:
-        return scans, found, []
-    said: list[str] = []
+        return scans, found, said
     if mirrored(_by_scans(scans, found), wheels):
         one = scans.lidar
         scans = replace(scans, lidar=replace(one, start=-one.start, step=-one.step))

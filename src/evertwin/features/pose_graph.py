@@ -78,22 +78,34 @@ def turned(covariance: np.ndarray, heading: float) -> np.ndarray:
     return np.asarray(turn @ covariance @ turn.T)
 
 
-def optimised(start: Float64[np.ndarray, "n 3"], edges: Sequence[Edge]) -> Optimised:
+def optimised(
+    start: Float64[np.ndarray, "n 3"],
+    edges: Sequence[Edge],
+    origin: Float64[np.ndarray, "3 3"] | None = None,
+) -> Optimised:
     """The poses that fit the edges best, from ``start``; else ``start`` itself.
+
+    Args:
+        start: of each keyframe.
+        edges: between them.
+        origin: covariance of the first, in its own frame, about the map; None: it is the map's.
 
     Raises:
         MissingExtra: GTSAM is not installed.
     """
     gtsam = load("gtsam", "perception")
+    origin = FIRST * FIRST * np.eye(3) if origin is None else origin
     try:
-        return _fitted(gtsam, start, edges)
+        return _fitted(gtsam, start, edges, origin)
     except RuntimeError:
         return Optimised(start, _along(start, edges), failed=True)
 
 
-def _fitted(gtsam: Any, start: Float64[np.ndarray, "n 3"], edges: Sequence[Edge]) -> Optimised:
+def _fitted(
+    gtsam: Any, start: Float64[np.ndarray, "n 3"], edges: Sequence[Edge], origin: np.ndarray
+) -> Optimised:
     graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
-    fixed = gtsam.noiseModel.Isotropic.Sigma(3, FIRST)
+    fixed = gtsam.noiseModel.Gaussian.Covariance(origin)
     graph.add(gtsam.PriorFactorPose2(0, gtsam.Pose2(*start[0]), fixed))
     for k, pose in enumerate(start):
         values.insert(k, gtsam.Pose2(*pose))
@@ -128,9 +140,12 @@ def _along(
     return found
 
 
-def _at_origin(pose: np.ndarray) -> Float64[np.ndarray, "3 3"]:
-    """An error in the frame of a pose, as a motion of the whole plane about the origin."""
-    c, s = np.cos(pose[2]), np.sin(pose[2])
+def at_origin(pose: np.ndarray, own: bool = True) -> Float64[np.ndarray, "3 3"]:
+    """An error in the frame of a pose, as a motion of the whole plane about the origin.
+
+    ``own``: of its own axes, else of those of the map.
+    """
+    c, s = (np.cos(pose[2]), np.sin(pose[2])) if own else (1.0, 0.0)
     return np.array([[c, -s, pose[1]], [s, c, -pose[0]], [0.0, 0.0, 1.0]])
 
 
@@ -159,7 +174,7 @@ def variance_factor(
     """
     if len(loops) < TELLING:
         return 1.0
-    turns = [_at_origin(pose) for pose in poses]
+    turns = [at_origin(pose) for pose in poses]
     parts = np.zeros((2, len(poses), 3, 3))
     for edge in steps:
         parts[int(weak(edge)), edge.end] = turns[edge.end] @ edge.covariance @ turns[edge.end].T

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.ndimage import distance_transform_edt, maximum_filter
 from scipy.spatial import cKDTree
 
 from evertwin.features.correlation import BLOCK, BLUR, CELL, Drawing, blocks, search
@@ -31,7 +32,9 @@ ALIKE = 0.75
 """Share of the scan that must be explained."""
 OTHER = 1.0
 """Way from a place to another one [m]."""
-PASSED = 0.08
+BEHIND = 0.12
+"""A beam this far behind a wall passed through it [m]."""
+PASSED = 0.04
 """Share of the beams that may pass through walls of the map: some of them moved."""
 WALLS = 2.0
 """How much one that does so weighs against one that fits."""
@@ -100,22 +103,39 @@ class View(NamedTuple):
 
 
 def through(views: Sequence[View], pose: Float64[np.ndarray, " 3"], chart: Occupancy) -> float:
-    """Share of the beams that pass through walls of the map on their way, seen from ``pose``."""
-    count, passed = 0, 0
-    rows, columns = chart.cells.shape
+    """Share of the beams that pass through walls of the map on their way, seen from ``pose``.
+
+    Walls are drawn thicker than they are, and in cells: a beam passes where it and its neighbours,
+    a cell to either side, meet the middle of one, and it gets well behind: `BEHIND`, or two cells,
+    from any wall.
+    """
+    count, passed, cell = 0, 0, chart.resolution
+    walls = chart.cells == OCCUPIED
+    deep = distance_transform_edt(walls)
+    middle = walls & (deep == maximum_filter(deep, 3))
+    clear = distance_transform_edt(~walls) * cell > max(BEHIND, 2 * cell)
     for view in views:
         at = compose(pose, view.pose)
         off = placed(view.surface, at)[:, :2] - at[:2]
         length = np.hypot(*off.T)
-        steps = np.arange(NEAR, max(float(length.max(initial=0.0)), NEAR), chart.resolution)
-        way = np.minimum(steps[None, :], np.maximum(length - NEAR, 0.0)[:, None])
-        line = at[:2] + way[..., None] * (off / np.maximum(length, 1e-9)[:, None])[:, None]
-        cell = np.floor((line - np.array(chart.origin)) / chart.resolution).astype(np.int64)
-        inside = ((cell >= 0) & (cell < [columns, rows])).all(axis=2)
-        cell = np.where(inside[..., None], cell, 0)
-        wall = inside & (chart.cells[cell[..., 1], cell[..., 0]] == OCCUPIED)
-        count, passed = count + len(off), passed + int(wall.any(axis=1).sum())
+        steps = np.arange(NEAR, max(float(length.max(initial=0.0)), NEAR), cell)
+        way = np.minimum(steps[None, :], np.maximum(length - NEAR, 0.0)[:, None])[..., None]
+        ahead = (off / np.maximum(length, 1e-9)[:, None])[:, None]
+        aside = cell * ahead[..., ::-1] * [-1.0, 1.0]
+        met = [_cells(middle, at[:2] + way * ahead + k * aside, chart) for k in (-1, 0, 1)]
+        behind = np.logical_or.accumulate(met[1], axis=1)
+        behind &= _cells(clear, at[:2] + way * ahead, chart)
+        through_all = np.all([one.any(axis=1) for one in (*met, behind)], axis=0)
+        count, passed = count + len(off), passed + int(through_all.sum())
     return passed / count if count else 0.0
+
+
+def _cells(values: np.ndarray, at: np.ndarray, chart: Occupancy) -> np.ndarray:
+    """What is in the cells of some places (…, 2); False outside."""
+    cell = np.floor((at - np.array(chart.origin)) / chart.resolution).astype(np.int64)
+    inside = ((cell >= 0) & (cell < values.shape[::-1])).all(axis=-1)
+    cell = np.where(inside[..., None], cell, 0)
+    return np.asarray(inside & values[cell[..., 1], cell[..., 0]])
 
 
 def stray(views: Sequence[View], pose: Float64[np.ndarray, " 3"], chart: Occupancy) -> float:

@@ -19,7 +19,7 @@ import numpy as np
 from evertwin.features.correlation import BLOCK, CELL, Drawing, blocks, search
 from evertwin.features.fusion import Sighting
 from evertwin.features.local_map import Known, Surface
-from evertwin.features.registration import likelihood, register
+from evertwin.features.registration import firmness, likelihood, register
 from evertwin.signals.planar import wrapped
 from evertwin.types import Float64, Vector
 
@@ -98,6 +98,8 @@ class Expected(NamedTuple):
     """Where it is expected as well; see `evertwin.features.habits`."""
     weights: Vector | None = None
     """How much each of them counts."""
+    shared: float = 0.0
+    """Scans before it that were matched to the same map."""
 
     @property
     def sigma(self) -> Vector:
@@ -262,12 +264,13 @@ def fitted(scan: Surface, view: Known, expected: Expected, start: Pose) -> Fit:
     doubt = (TAIL + expected.square(start)) / (TAIL + 3)
     weight = ALIKE / max(doubt, 1.0) * np.linalg.inv(expected.covariance)
     prior = expected.about(start)
-    share, _, alike = register(
+    share, scale, alike = register(
         scan, len(scan), view.points, view.heads, view.order, prior, weight, pose, information
     )
     covariance = ALIKE * np.linalg.inv(information + weight) + COMMON
     # without the expectation: where its pull and the scan's were in balance
     alone = pose + np.linalg.solve(information + np.eye(3), weight @ (pose - prior))
     r = min(max(alike, 0.0), MOST_ALIKE)
-    honest = information * ((1 - r) / (1 + r) / GAUSSIAN)
+    firm = firmness(scan, len(scan), *view, pose, scale, expected.shared)
+    honest = firm * ((1 - r) / (1 + r) / GAUSSIAN)
     return Fit(pose, share, covariance, Sighting(alone, honest))

@@ -37,6 +37,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from evertwin.features.came import Came, Motion
 from evertwin.features.contradiction import contradicted
 from evertwin.features.fusion import Belief, Sighting, Step, measured, predicted
 from evertwin.features.habits import Habits
@@ -103,32 +104,12 @@ FAR, OPEN = 1.0, 0.5
 FIRM = 0.1
 """The same for one that is found again: much may look alike [m]."""
 
+OFTEN = 0.2
+"""How much one keyframe tells of how many scans there are from one to the next."""
+
 Pose = Float64[np.ndarray, " 3"]
 Matching = Callable[[Surface, Known, Expected, float], list[Fit]]
 UNKNOWN = np.zeros((3, 3))
-Motion = Float64[np.ndarray, " 4"]
-"""Wheels' pose and gyro's angle; NaN where they are not known."""
-
-
-class Came(NamedTuple):
-    """A scan, and what wheels and gyro said by then.
-
-    >>> Came(np.ones(3), np.full(4, np.nan), 0.1).dt
-    0.1
-    """
-
-    ranges: Vector
-    """[m]"""
-    moved: Motion
-    dt: float
-    """Since the scan before [s]."""
-
-    @classmethod
-    def of(cls, block: Block, i: int) -> Came:
-        """The ``i``-th of a block."""
-        moved = np.full(4, np.nan)
-        moved[: block.u.shape[1]] = block.u[i]
-        return cls(block.y[i], moved, float(block.dt[i]))
 
 
 class Following(NamedTuple):
@@ -156,6 +137,10 @@ class Following(NamedTuple):
     segment: int
     carried: bool = False
     """Did its beams pass through walls of the map, while its wheels said that it was there?"""
+    since: int = 0
+    """Scans since the newest keyframe."""
+    often: float = 1.0
+    """Scans from keyframe to keyframe, of late."""
 
 
 class Row(NamedTuple):
@@ -239,7 +224,9 @@ class ScanMatcher:
             yield *self._begun(state, scan, telling), 0.0
             return
         blind = _blind(moved) or _blind(before)
+        state = state._replace(since=state.since + 1)
         ahead, expected = _expected(state, moved - before, blind, dt)
+        expected = expected._replace(shared=max(state.often, state.since) - 1)
         sure, least = (SURE, LEAST) if blind else (PLAUSIBLE, SEEN)
         fits = fit(scan, view, expected, sure) if telling else []
         if fits and expected.window and fits[0].share < FAMILIAR:  # it may have turned far
@@ -323,6 +310,8 @@ class ScanMatcher:
         ring = state.map
         if moved or fit.share < FAMILIAR:
             ring = joined(ring, scan, pose)
+            often = state.often + OFTEN * (state.since - state.often)
+            state = state._replace(since=0, often=often)
         step = between(state.belief.pose, pose)
         habits = state.habits
         if not (state.lost or _off(spread, FIRM)):  # else it is what was expected

@@ -21,10 +21,13 @@ from evertwin.features.open_ways import steps_between
 from evertwin.features.pose_graph import Edge, Optimised, optimised, turned, variance_factor, weak
 from evertwin.features.poses import Fix, Poses
 from evertwin.features.relocalisation import Charted, View, looked_for, stray, through
+from evertwin.features.scan_fit import COMMON
 from evertwin.signals.planar import between, compose
 from evertwin.sources.scans import Scans
 from evertwin.types import Float64, Int64
 
+FIRST = 6
+"""Keyframes that tell how far the first is off the map."""
 ROUNDS = 2
 """Of looking for loops."""
 TOGETHER = 10
@@ -94,8 +97,18 @@ def solved(scans: Scans, poses: Poses, number: int = 0, anchors: Sequence[Anchor
     steps = [
         edge if weak(edge) else edge._replace(covariance=factor * edge.covariance) for edge in steps
     ]
-    graph = optimised(graph.poses, [*steps, *found])
+    origin = turned(origin_of(poses, keys), poses.pose[keys[0], 2])
+    graph = optimised(graph.poses, [*steps, *found], origin)
     return Solved(keys, surfaces, graph, len(found))
+
+
+def origin_of(poses: Poses, keys: Int64[np.ndarray, " k"]) -> Float64[np.ndarray, "3 3"]:
+    """Covariance of a map's first scan about the map, along its axes: that of the scans after it.
+
+    The first itself is matched to nothing, the next few to few.
+    """
+    told = poses.information[keys[1 : FIRST + 1]]
+    return np.linalg.inv(told.mean(axis=0) + np.eye(3)) + COMMON if len(told) else COMMON.copy()
 
 
 def joined(scans: Scans, poses: Poses) -> tuple[Poses, list[Solved]]:

@@ -37,6 +37,8 @@ BODY, SPREAD = 0.5, 0.03
 """Beams that end nearer than this, and never elsewhere, end on the machine itself [m]."""
 ALWAYS, MANY = 0.95, 50
 """In so large a share of the scans, of so many at least."""
+PARTLY = 0.1
+"""Share of the beams that end near for long from which on a part of a lidar is blocked."""
 OTHER, MIDDLE = 0.15, 0.1
 """By how much the scans' way over the wheels' is off 1 to be another scale, and how far it may
 differ in the middle half of the steps."""
@@ -179,3 +181,31 @@ def without_body(scans: Scans) -> Scans:
         f"{middle[body].max():.2f} m: on the machine itself; left out"
     )
     return replace(scans, ranges=np.where(body, np.nan, ranges), findings=(*scans.findings, said))
+
+
+def without_cover(scans: Scans) -> Scans:
+    """Without beams that end right before the lidar for long, where the others see on.
+
+    What does so in a drive goes along with the machine: somebody's hand, dirt, a thing put down.
+    """
+    ranges = scans.ranges
+    with np.errstate(invalid="ignore"):
+        near = ranges < BLOCKED
+        near[near.sum(axis=1) >= MOST_NEAR * np.isfinite(ranges).sum(axis=1)] = False
+    covered = np.zeros_like(near)
+    for beam in np.flatnonzero(near.sum(axis=0) >= MANY):
+        for first, last in _stretches(near[:, beam]):
+            covered[first : last + 1, beam] = last - first + 1 >= MANY
+    covered[covered.mean(axis=1) < PARTLY] = False
+    if not covered.any():
+        return scans
+    said = []
+    for first, last in _stretches(np.asarray(covered.any(axis=1))):
+        beams = np.flatnonzero(covered[first : last + 1].any(axis=0))
+        said.append(
+            f"{len(beams)} of {ranges.shape[1]} beams, {beams[0]} to {beams[-1]}, end nearer than "
+            f"{BLOCKED} m in scans {first} to {last}: a part of the lidar is blocked; left out"
+        )
+    return replace(
+        scans, ranges=np.where(covered, np.nan, ranges), findings=(*scans.findings, *said[:MOST])
+    )

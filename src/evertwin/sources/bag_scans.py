@@ -22,6 +22,7 @@ from evertwin.errors import DataError, UsageError
 from evertwin.signals.planar import between
 from evertwin.sources.bag_files import Cut, Message, messages
 from evertwin.sources.bag_tracks import (
+    OTHER,
     Clocked,
     Frames,
     Link,
@@ -246,7 +247,8 @@ def _ordered(clock: Clocked) -> tuple[Clocked, np.ndarray, list[str]]:
         said.append(f"{clock.mended} of {n} stamps are absent or cannot be: told from the logging")
     if 2 * increasing(clock.t).sum() < n:
         said.append("most stamps repeat or go back: the times of logging are used")
-        clock = clock._replace(t=clock.arrived)
+        logged = clock.arrived - (clock.offset if abs(clock.offset) >= OTHER else 0)
+        clock = clock._replace(t=logged, arrived=logged, offset=0)  # such stamps are no clock
     late = clock.t < np.maximum.accumulate(clock.t)
     if late.any():
         by = 1e-9 * float((np.maximum.accumulate(clock.t) - clock.t).max())

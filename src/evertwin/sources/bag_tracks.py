@@ -71,8 +71,9 @@ def heading(turn: Matrix) -> float:
 
 
 def _vector(content: Any) -> Float64[np.ndarray, " 3"]:
-    """x, y, z; what is not there is 0."""
-    return np.asarray(np.nan_to_num(np.array([number(content, axis) for axis in "xyz"])))
+    """x, y, z; what is not there is 0, what is no number NaN."""
+    known = (axis if part(content, axis) is not None else "" for axis in "xyz")
+    return np.array([number(content, axis) if axis else 0.0 for axis in known])
 
 
 class Stamped(NamedTuple):
@@ -120,7 +121,7 @@ class Frames:
                 for name in ("header.frame_id", "child_frame_id")
             )
             turn = rotation(part(one, "transform.rotation"))
-            place = _vector(part(one, "transform.translation"))
+            place = np.nan_to_num(_vector(part(one, "transform.translation")))
             self.links.setdefault(child, Link(parent, turn, place))
             if "odom" in parent:
                 values = (float(place[0]), float(place[1]), heading(turn))

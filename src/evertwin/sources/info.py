@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from evertwin.errors import DataError
-from evertwin.sources.bag_scans import scans_of
+from evertwin.sources.bag_scans import BAGS, scans_of
 from evertwin.sources.description import (
     ColumnInfo,
     ImageInfo,
@@ -63,7 +63,7 @@ def inspect(path: Path | str, shown: Callable[[BagImage], None] | None = None) -
     for info in tables:
         findings += table_findings(info)
         for column in info.columns:
-            findings += column_findings(column, info)
+            findings += column_findings(column, info, recording.kind in BAGS)
     scans = tuple(_scans(one) for one in scans_of(recording))
     findings += [f"{one.name}: {line}" for one in scans for line in one.findings]
     images = _images(recording, shown)

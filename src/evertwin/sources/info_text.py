@@ -156,10 +156,27 @@ def _clock_findings(time: TimeInfo) -> Iterator[str]:
         )
 
 
-def column_findings(column: ColumnInfo, table: TableInfo) -> list[str]:
-    """What is wrong with the values of one column."""
+def column_findings(column: ColumnInfo, table: TableInfo, of_messages: bool = False) -> list[str]:
+    """What is wrong with the values of one column.
+
+    ``of_messages``: columns are members of messages, most of which nobody fills; one that never
+    changes is odd where no other of its topic does.
+    """
     where = f"{table.name}: " if table.name and not column.name.startswith(table.name) else ""
-    return [f"{where}{column.name}: {line}" for line in _values(column)]
+    found = [*_values(column)]
+    topic = column.name.partition(".")[0]
+    beside = (one for one in table.columns if one.name.partition(".")[0] == topic)
+    if _constant(column) and not (of_messages and any(_changes(one) for one in beside)):
+        found.append(f"constant at {column.low:g}")
+    return [f"{where}{column.name}: {line}" for line in found]
+
+
+def _constant(column: ColumnInfo) -> bool:
+    return column.kind == "number" and column.count > 1 and column.low == column.high
+
+
+def _changes(column: ColumnInfo) -> bool:
+    return column.kind == "number" and column.count > 1 and column.low < column.high
 
 
 def _values(column: ColumnInfo) -> Iterator[str]:
@@ -183,5 +200,3 @@ def _values(column: ColumnInfo) -> Iterator[str]:
         )
     for sentinel in column.sentinels:
         yield f"{sentinel:g} may stand for no measurement: name it as a sentinel"
-    if column.kind == "number" and column.count > 1 and column.low == column.high:
-        yield f"constant at {column.low:g}"

@@ -67,7 +67,7 @@ def _other(
     channels: Sequence[Channel], told: Sequence[str], seen: Sequence[Seen]
 ) -> tuple[list[Match], list[Derivation]]:
     """By names; what these leave open by wheels, a pose, the steadiest temperature, derivatives."""
-    matches, derived = list(matched(channels, seen, told)), list[Derivation]()
+    matches, derived = _one_frame(channels, matched(channels, seen, told), seen), list[Derivation]()
     feeds, computed = of_wheels(matches, _lacking(channels, matches, derived), seen)
     matches, derived = [*matches, *feeds], [*derived, *computed]
     feeds, computed = of_pose(_lacking(channels, matches, derived), seen, told)
@@ -83,6 +83,22 @@ def _other(
     place = _place(channels, missing)
     found = matched(place, seen)
     return [*matches, *found], [*derived, *_derivatives((*channels, *place[: len(found)]), missing)]
+
+
+def _one_frame(
+    channels: Sequence[Channel], matches: Sequence[Match], seen: Sequence[Seen]
+) -> list[Match]:
+    """A pose of one table, where one holds all of it: two may tell it in two frames."""
+    pose = [channel for channel in channels if channel.name in ("x", "y", "heading")]
+    names = [channel.name for channel in pose]
+    sources = [match.source for match in matches if match.channel in names]
+    if len(pose) < 3 or len(set(sources)) < 2:
+        return list(matches)
+    for s in sorted(set(sources), key=lambda s: -sources.count(s)):
+        whole = [replace(match, source=s) for match in matched(pose, [seen[s]])]
+        if len(whole) == len(pose):
+            return [match for match in matches if match.channel not in names] + whole
+    return list(matches)
 
 
 def _lacking(
