@@ -48,7 +48,9 @@ LOG = logging.getLogger("evertwin.service")
 HANGS = 60.0
 """Seconds at one piece of samples, from which on a model is taken to hang."""
 GRACE = 2.0
-"""Seconds in which a twin at rest lets go of its store."""
+"""Seconds in which a model that hangs may come back yet when its twin is stopped."""
+CLOSES = 60.0
+"""Seconds in which any other lets go of its store."""
 KEPT = 64
 """Messages with rows, and times as many events, that a slow reader may be behind."""
 
@@ -226,7 +228,8 @@ class Runner:
         if self.work is not None:
             close = self.work.close if running else self.work.twin.close
             closing = asyncio.wrap_future(self.lane.submit(close))
-            if (await asyncio.wait({closing}, timeout=GRACE))[0]:
+            hangs = self.stuck > min(PATIENCE, HANGS) and not self.lane.slow
+            if (await asyncio.wait({closing}, timeout=GRACE if hangs else CLOSES))[0]:
                 with self._guarded():
                     closing.result()
             else:  # it is closed when it comes back; what was not folded is folded from the store
