@@ -47,10 +47,9 @@ State: TypeAlias = Literal["starting", "running", "ended", "quarantined", "stopp
 LOG = logging.getLogger("evertwin.service")
 HANGS = 60.0
 """Seconds at one piece of samples, from which on a model is taken to hang."""
-GRACE = 2.0
-"""Seconds in which a model that hangs may come back yet when its twin is stopped."""
-CLOSES = 60.0
-"""Seconds in which any other lets go of its store."""
+GRACE, CLOSES = 2.0, 60.0
+"""Seconds in which a model that hangs may come back yet when its twin is stopped; and in which any
+other lets go of its store."""
 KEPT = 64
 """Messages with rows, and times as many events, that a slow reader may be behind."""
 
