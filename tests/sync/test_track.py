@@ -803,3 +803,14 @@ def test_a_machine_that_follows_ten_times_the_command_late_is_no_wrong_command()
     _, out = fold(Track(drive(), Arbiter(Rule(use="blend", sigma=0.003))), [block])
     assert "v" not in [record.signal for record in out.records]
     assert (out.rows.u[310:, 0] == v[310:]).all()
+
+
+@pytest.mark.parametrize("gone", [1, 3])
+def test_a_checkpoint_that_knows_less_goes_on(gone: int) -> None:
+    """One of an older version has fewer columns; machine code would write behind their end."""
+    stage, block = Track(unicycle(1.02), Arbiter(RULES["blend"])), spoiled(3)
+    state, _ = stage.step(stage.init(), take(block, 0, 200))
+    older = {name: getattr(state, name)[:, :-gone] for name in ("values", "numbers", "figures")}
+    state, out = stage.step(state._replace(**older), take(block, 200, 400))
+    assert state.values.shape == stage.init().values.shape
+    assert np.isfinite(out.rows.y).any()

@@ -273,7 +273,7 @@ class Track:
 
     def step(self, state: TrackState, block: Block) -> tuple[TrackState, Out]:
         n, ny = block.y.shape
-        ng, nu = len(state.numbers), block.u.shape[1]
+        state, (ng, nu) = _whole(state), (len(state.numbers), block.u.shape[1])
         rows = TrackRows(
             np.empty((n, ny)), np.empty((n, ny)), np.empty((n, ny), dtype=np.uint8),
             np.zeros((n, ng), dtype=np.uint8), np.empty((n, ny)), np.empty((n, ng)),
@@ -304,6 +304,16 @@ class Track:
             why = next(filter(None, (one.why() for one in kept)), UNKNOWN)
             records.append(Event(new, int(block.t[new - block.row]), FAILING, "", why))
         return state, Out(rows, tuple(records))
+
+
+def _whole(state: TrackState) -> TrackState:
+    """The state, with what a checkpoint of an older version does not know yet: nothing of it."""
+    widths = {"values": at.VALUES, "numbers": at.NUMBERS, "figures": at.FIGURES}
+    known = {name: getattr(state, name) for name in widths}
+    return state._replace(**{
+        name: np.pad(one, ((0, 0), (0, widths[name] - one.shape[1])))
+        for name, one in known.items() if one.shape[1] < widths[name]
+    })  # fmt: skip
 
 
 def _bounds(one: Channel) -> list[float]:
