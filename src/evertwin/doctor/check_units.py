@@ -26,7 +26,7 @@ from evertwin.doctor.finding import Finding
 from evertwin.fold import Block, take
 from evertwin.gauges.misread import ANSWERED, likeliest
 from evertwin.gauges.turned import WRONG as ASKEW
-from evertwin.gauges.turned import Numbered, turned
+from evertwin.gauges.turned import Numbered, angles_of, turned
 from evertwin.gauges.unlike import Changes
 from evertwin.models import roll
 from evertwin.models.function import kernel_of
@@ -134,7 +134,7 @@ def _exchanged(view: View, window: Block) -> Iterator[Finding]:
 def _turned(view: View, missed: Vector) -> Iterator[Finding]:
     """An angle that is counted from elsewhere, which no number of the model takes up. ``missed``:
     mismatch of each output, (ny,)."""
-    if not (missed > ASKEW).any():
+    if not angles_of(view.model) or not (missed > ASKEW).any():
         return
     numbers = view.version.p, tuned(view, lambda window: window, view.windows)
     best = turned(view.setup, [Numbered(view.model, p) for p in numbers], view.windows)

@@ -29,12 +29,10 @@ from evertwin.setup.setup import Setup
 from evertwin.setup.task import Windows
 from evertwin.signals.mistaken import SIGN
 from evertwin.signals.units import conversion_of
-from evertwin.types import Bools, ParameterVector, Vector
+from evertwin.types import Bools, Float64, ParameterVector, Vector
 
-TRIED = 8
-"""Angles of a full turn that are tried first."""
-CLOSER = 3
-"""Times that the best one is looked at twice as closely."""
+SHIFTS = np.linspace(0.0, 2.0 * np.pi, 8, endpoint=False)
+"""Angles that are tried first [rad]."""
 LEAST = 0.1
 """Turn [rad] that a machine which goes askew may make by itself."""
 WRONG = 0.1
@@ -126,13 +124,14 @@ def turned(setup: Setup, forms: Sequence[Numbered], windows: Windows) -> Turned 
         return None
     for k, form, number in product(angles_of(model), forms, (1.0, SIGN)):
         left = partial(_left, setup, form, rows, (len(model.inputs) + k, number))
-        goes_by = others & _goes_by(left)
+        tried = np.array([left(by) for by in SHIFTS])
+        goes_by = others & (np.ptp(tried, axis=0) > 1e-6)
         if not goes_by.any():
             continue
         judged = goes_by.copy()  # what the angle itself does tells its sign, and nothing of a zero
         judged[k] = number == SIGN
         before = min(total(off[judged]) for off in recorded)
-        least, shift = _nearest(left, judged)
+        least, shift = _nearest(left, tried, judged)
         share = least / before
         if abs(shift) > LEAST and share < LEFT and (best is None or share < best[0]):
             name, *told = (model.outputs.names[j] for j in (k, *np.flatnonzero(goes_by)))
@@ -166,27 +165,25 @@ def _left(
     return seen(setup, *form, [reading.undone(window) for window in rows]).mismatch
 
 
-def _goes_by(left: Callable[[float], Vector]) -> Bools:
-    """Outputs that are predicted otherwise where the angle is counted from elsewhere, (ny,)."""
-    return np.asarray(np.ptp([left(by) for by in (0.0, 2.0, 4.0)], axis=0) > 1e-6)
-
-
-def _nearest(left: Callable[[float], Vector], judged: Bools) -> tuple[float, float]:
+def _nearest(
+    left: Callable[[float], Vector], tried: Float64[np.ndarray, "shifts ny"], judged: Bools
+) -> tuple[float, float]:
     """The least that is left of outputs that are ``judged``, and where the angle is counted from
-    then [rad]."""
+    then [rad]. ``tried``: what is left of each at `SHIFTS`, (n, ny)."""
 
-    def of(shift: float) -> float:
-        return total(left(shift)[judged])
-
-    step = 2.0 * math.pi / TRIED
-    shift = min((step * n for n in range(TRIED)), key=of)
-    for _ in range(CLOSER):
+    def lowest(shift: float, step: float, by: Sequence[float]) -> float:
         # next to its least value the sum goes as the square of the angle
-        low, here, high = (of(shift + by) for by in (-step, 0.0, step))
+        low, here, high = by
         bend = low - 2.0 * here + high
-        shift += 0.5 * step * (low - high) / bend if bend > 0.0 else 0.0
-        step /= 2.0
-    return of(shift), math.remainder(shift, 2.0 * math.pi)
+        return shift + 0.5 * step * (low - high) / bend if bend > 0.0 else shift
+
+    step, sums = float(SHIFTS[1]), [total(one[judged]) for one in tried]
+    k = int(np.argmin(sums))
+    shift = lowest(step * k, step, (sums[k - 1], sums[k], sums[(k + 1) % len(sums)]))
+    step /= 2.0
+    near = [total(left(shift + by)[judged]) for by in (-step, 0.0, step)]
+    shift = lowest(shift, step, near)
+    return total(left(shift)[judged]), math.remainder(shift, 2.0 * math.pi)
 
 
 def of_an_angle(
