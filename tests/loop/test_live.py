@@ -165,7 +165,7 @@ def test_other_settings_begin_another_run(spec: TwinSpec) -> None:
     assert kinds.count("started") == 2
     with Twin(replace(spec, anomaly=rule)) as twin:
         assert [e.reason for e in twin.events if e.kind == "ran"] == [
-            "run 1 was cut off and is given up: other rows were run"
+            "run 1 ends: the twin file says otherwise from here on"
         ]
         twin.push({k: v + 300.0 * (k == "t") for k, v in data[2].items()})
         assert twin.finish().samples == 900  # those of the first run are not in it

@@ -48,6 +48,18 @@ class Lane(Executor):
         """Something in the thread."""
         return await asyncio.get_running_loop().run_in_executor(self, work)
 
+    async def ends(
+        self, future: Future[Any], step: float, longest: float, stuck: Callable[[], bool]
+    ) -> bool:
+        """Does it come to an end? It is waited for in steps, until what is before it is ``stuck``,
+        and for ``longest`` [s]."""
+        until = time.monotonic() + longest
+        while not future.done() and time.monotonic() < until:
+            await asyncio.wait({asyncio.wrap_future(future)}, timeout=step)
+            if stuck() and not (future.running() or self.slow):
+                break
+        return future.done()
+
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """See `Executor`; it is never waited for."""
         self._work.put(None)

@@ -226,9 +226,8 @@ class Runner:
             await publisher.close()
         if self.work is not None:
             close = self.work.close if running else self.work.twin.close
-            closing = asyncio.wrap_future(self.lane.submit(close))
-            hangs = self.stuck > min(PATIENCE, HANGS) and not self.lane.slow
-            if (await asyncio.wait({closing}, timeout=GRACE if hangs else CLOSES))[0]:
+            closing = self.lane.submit(close)
+            if await self.lane.ends(closing, GRACE, CLOSES, lambda: self.stuck > PATIENCE):
                 with self._guarded():
                     closing.result()
             else:  # it is closed when it comes back; what was not folded is folded from the store

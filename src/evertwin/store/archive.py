@@ -281,7 +281,7 @@ def _blocks(pieces: Iterator[tuple[int, Chunk]]) -> Iterator[list[np.ndarray]]:
 def _refused(columns: Sequence[str], values: Sequence[np.ndarray]) -> list[str | None]:
     """Of each sample, the columns whose value was refused.
 
-    >>> _refused(("v", "x"), np.array([[np.inf, 1.0], [-np.inf, np.nan]]))
+    >>> _refused(("v", "x"), [np.array([np.inf, 1.0]), np.array([-np.inf, np.nan])])
     ['v,-x', None]
     """
     found: list[str | None] = [None] * len(values[0])
