@@ -225,6 +225,17 @@ def likelihood(scan: Any, n: int, points: Any, heads: Any, order: Any, pose: Any
 
 
 @njit(cache=True)
+def added(h: Any, w: float, x: float, y: float, turn: float) -> None:
+    """Adds what one residual tells: ``w`` times its gradient's square, in the lower triangle."""
+    h[0, 0] += w * x * x
+    h[1, 0] += w * x * y
+    h[1, 1] += w * y * y
+    h[2, 0] += w * x * turn
+    h[2, 1] += w * y * turn
+    h[2, 2] += w * turn * turn
+
+
+@njit(cache=True)
 def register(
     scan: Any, n: int, points: Any, heads: Any, order: Any, prior: Any, weight: Any, pose: Any,
     information: Any,
@@ -278,12 +289,7 @@ def register(
             before = w * e
             turn = my * px - mx * py
             g[0], g[1], g[2] = g[0] + w * mx * e, g[1] + w * my * e, g[2] + w * turn * e
-            h[0, 0] += w * mx * mx
-            h[1, 0] += w * mx * my
-            h[1, 1] += w * my * my
-            h[2, 0] += w * mx * turn
-            h[2, 1] += w * my * turn
-            h[2, 2] += w * turn * turn
+            added(h, w, mx, my, turn)
         share = found / lines if lines else 0.0
         if found < 3:
             return 0.0, scale, 1.0
@@ -308,17 +314,6 @@ def register(
         if small < 0.02:
             width = max(0.6 * width, narrow)
     return share, scale, alike / squares if squares > 0 else 0.0
-
-
-@njit(cache=True)
-def added(h: Any, w: float, x: float, y: float, turn: float) -> None:
-    """Adds what one residual tells: ``w`` times its gradient's square, in the lower triangle."""
-    h[0, 0] += w * x * x
-    h[1, 0] += w * x * y
-    h[1, 1] += w * y * y
-    h[2, 0] += w * x * turn
-    h[2, 1] += w * y * turn
-    h[2, 2] += w * turn * turn
 
 
 @njit(cache=True)

@@ -41,7 +41,7 @@ def settled(problem: Problem) -> Fit:
             found = solve(problem.tuning(tuple(n for n in fit.names if n not in stays)))
             if _worse(fit, found):  # where they were, the rows tell them
                 return fit
-            if why is NOT_TOLD:
+            if why == NOT_TOLD:
                 found = leaning_on(problem, fit, found, stays)
             return replace(found, message=f"{found.message}; {', '.join(stays)} as before: {why}")
     return fit
