@@ -28,6 +28,13 @@ def _drive_observe(c: Any, x: Any, y: Any) -> int:
 
 
 @cfunc(STEP)
+def _store(c: Any, x: Any, u: Any, dt: Any, p: Any, ahead: Any, y: Any) -> int:
+    ahead[0] = x[0] + (p[0] * u[0] - x[0]) * min(dt, 1.0)
+    y[0] = ahead[0]
+    return 0
+
+
+@cfunc(STEP)
 def _unicycle(c: Any, x: Any, u: Any, dt: Any, p: Any, ahead: Any, y: Any) -> int:
     middle = x[2] + 0.5 * u[1] * dt
     ahead[0] = x[0] + p[0] * u[0] * math.cos(middle) * dt
@@ -52,6 +59,15 @@ def drive(gain: float = 1.0, **limits: float) -> Compiled:
     return Compiled(
         Layout.of(v="m/s"), position, position, Parameters.of(gain=(gain, "1")),
         _drive.address, _drive_observe.address,
+    )  # fmt: skip
+
+
+def store() -> Compiled:
+    """x' = u − x; measured x [m], as a model of one's own begins."""
+    place = Layout.of(y="m")
+    return Compiled(
+        Layout.of(u="m"), place, place, Parameters.of(gain=(1.0, "1/s")), _store.address,
+        _drive_observe.address,
     )  # fmt: skip
 
 

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from importlib.resources import files as resources
 
 import numpy as np
 
-from evertwin.signals import conversion, si_unit
-from evertwin.starter.proposal import Match
+from evertwin.signals import conversion, si_unit, to_si
+from evertwin.starter.proposal import ASK, Match
 from evertwin.starter.seen import Seen
+from evertwin.starter.store_guess import UNKNOWN, Store, guess_store
+from evertwin.types import Vector
 
 
 def pump_model(seen: Sequence[Seen], found: Sequence[Match]) -> str:
@@ -23,7 +26,7 @@ def pump_model(seen: Sequence[Seen], found: Sequence[Match]) -> str:
     return template
 
 
-def own_model(found: Sequence[Match]) -> str:
+def own_model(seen: Sequence[Seen], found: Sequence[Match]) -> str:
     """The file's text, in the SI units of what drives and what answers; 1 where nobody says."""
     units = {match.channel: si_unit(match.unit) for match in found}
     u, y = (units.get(name, "1") for name in ("u", "y"))
@@ -31,7 +34,27 @@ def own_model(found: Sequence[Match]) -> str:
     per = f"({u})" if set(u) & set("/* ") else u
     for name, unit in (("gain", y if u == "1" else f"{y}/{per}"), ("constant", y)):
         text = text.replace(f"<{name}>", f"{unit}/s")
+    start = _start({match.channel: match for match in found}, seen)
+    for name, value in zip(start._fields, start, strict=True):
+        most = 10.0 ** math.ceil(math.log10(max(abs(value), 1.0)) + 3)
+        text = text.replace(f"<{name} start>", f"{value:.3g}")
+        text = text.replace(f"<{name} most>", f"{most:.0e}")
     return text
+
+
+def _start(found: Mapping[str, Match], seen: Sequence[Seen]) -> Store:
+    """Where the numbers of the store start from."""
+    told = [found[name] for name in ("u", "y") if name in found and found[name].column != ASK]
+    t = seen[told[0].source].t if len({one.source for one in told}) == 1 else None
+    if t is None or len(told) < 2:
+        return UNKNOWN
+    return guess_store(t, *(_in_si(seen[one.source], one) for one in told))
+
+
+def _in_si(seen: Seen, match: Match) -> Vector:
+    scale = match.scale if isinstance(match.scale, float) else 1.0  # an open question
+    values: Vector = to_si(seen.values(match.column) * scale + match.offset, match.unit)
+    return values
 
 
 def _template(name: str) -> str:

@@ -16,7 +16,14 @@ from evertwin.sync.factor_loop import blamed, persists, scaled, weigh, weigh_ane
 from evertwin.sync.horizon_loop import wrapped
 from evertwin.sync.options import COLD, HOT
 from evertwin.sync.places import Cause, Finding
-from evertwin.sync.plausible_loop import doubted, grown, implausible, learn, measure
+from evertwin.sync.plausible_loop import (
+    doubted,
+    extend,
+    grown,
+    implausible,
+    learn,
+    measure,
+)
 from evertwin.sync.run_loop import follow, learn_noise, withdraw
 from evertwin.sync.vote_loop import (
     agrees,
@@ -99,6 +106,7 @@ def use(settings: Any, memory: Any, sample: Any, g: int, size: int, stamp: int) 
     limited = min(elapsed, 3.0 * known)
     figures[g, at.INTERVAL] = known + (limited - known) / 32.0 if known > 0 else elapsed
     few = min(numbers[g, at.SAMPLES], RECENT)
+    extend(limits, values, numbers, sample, g, size)
     for k in range(size):
         j = room[k]
         nu, move = values[j, at.NU], values[j, at.MOVE]

@@ -29,6 +29,7 @@ from evertwin.sync.factor_loop import COMMON
 from evertwin.sync.horizon_loop import wrapped
 from evertwin.sync.options import COLD, HOT
 from evertwin.sync.places import Cause, Finding
+from evertwin.sync.plausible_loop import leapt
 from evertwin.sync.vote_loop import end_contest, end_fault, fault, note
 
 FACTOR, AWAY = int(Cause.FACTOR), int(Cause.AWAY)
@@ -96,6 +97,8 @@ def begin(
         # What crept was followed for a while already.
         account[j, at.BESIDE_LAG] = abs(off) if how == CREPT and believed else 0.0
         account[j, at.BESIDE_FROM] = account[j, at.BESIDE_AFTER] = predicted[j]
+        account[j, at.LEAPT_TO] = values[j, at.AWAY_AT] if how == JUMPED else y[j]
+        account[j, at.LEAPT_FROM] = values[j, at.AWAY_FROM] if how == JUMPED else y[j]
 
 
 @njit(**COLD)
@@ -206,11 +209,17 @@ def outcome(
         if matter[at.HOW] != JUMPED and is_factor(rules, account, g, j, rows, 1.0, starts):
             matter[at.OWNER] = 0
             return 0.0
+        guessed = starts and not account[j, at.BESIDE_NOISE] < np.inf
+        if guessed and not limits[j, at.MOVED_BY] > 0:
+            continue
+        before, first = account[j, at.LEAPT_FROM], account[j, at.LEAPT_TO]
         found, least, slope = 0.0, np.inf, account[j, at.XY] / max(account[j, at.XX], 1e-300)
         for c in range(at.FACTORS.shape[0]):
             for f in (at.FACTORS[c], 1.0 / at.FACTORS[c]):
                 off = abs(slope / f - 1.0)
                 if limits[j, at.TRIED + c] == at.NEVER or not off < least:
+                    continue
+                if not starts and not leapt(limits, values, j, before, first, f):
                     continue
                 if is_factor(rules, account, g, j, rows, f, starts):
                     found, least = float(f), off

@@ -19,6 +19,7 @@ from evertwin.sync import places as at
 from evertwin.sync.horizon_loop import wrapped
 from evertwin.sync.options import COLD, HOT
 from evertwin.sync.places import Cause
+from evertwin.sync.plausible_loop import leapt
 from evertwin.sync.run_loop import step_of
 
 FACTOR = int(Cause.FACTOR)
@@ -207,6 +208,7 @@ def misfit(
         if (
             (turn or not angle)
             and limits[j, at.TRIED + k] != at.NEVER
+            and leapt(limits, values, j, values[j, at.AWAY_FROM], values[j, at.AWAY_AT], f)
             and explained(board, votes, j, f, room_for, angle)
             and likelier(board, votes, g, j, f, noise, room_for, angle)
         ):

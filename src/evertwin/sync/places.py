@@ -10,10 +10,10 @@ from enum import IntEnum
 
 import numpy as np
 
-LOW, HIGH, RATE, TOLERANCE, ANGLE, ADOPTS, BESIDE, ABOVE, TRIED = range(9)
+LOW, HIGH, RATE, TOLERANCE, ANGLE, ADOPTS, BESIDE, ABOVE, MOVED_BY, TRIED = range(10)
 """Settings per output: possible range and rate, tolerance, is it an angle, can it be adopted? The
-input that says whether it moves, −1 for none, and from which size on. Then, of each of `FACTORS`,
-`NEVER`, `ANY` or `OWN`."""
+input that says whether it moves, −1 for none, and from which size on; is an input its rate, or the
+same quantity? Then, of each of `FACTORS`, `NEVER`, `ANY` or `OWN`."""
 NEVER, ANY, OWN = range(3)
 """Is a factor tried, and does it divide two units of the output's own quantity?"""
 GATE, VOTE, USE, BLEND, SHARE, GROWTH, FROZEN, TIMEOUT = range(8)
@@ -60,7 +60,10 @@ OVERDUE, LATE = 45, 47
 until one did, at most."""
 VARIED = 49
 """And samples that were another than the one before."""
-VALUES = 50
+CHANGE, LINE, AWAY_AT, AWAY_FROM = 50, 51, 52, 53
+"""And, model aside, of trusted samples: the newest change, and the mean square by which one lies
+off the straight line through the two before; first doubted sample, and where that line is then."""
+VALUES = 54
 (
     STARTED, VALID, GOOD_AT, LAST_AT, CAUSE, ONSET, UNTIL, FAULTS, TOLD, CONTEST, BATCH, BATCH_ROW,
     LEFT, SAMPLES, UPDATES, RESETS, CONTESTED, ERRORS, TURNS, HELD_BY, QUIET,
@@ -94,12 +97,14 @@ they told?; believed values other than the one before."""
 
 (
     BESIDE_OFF, BESIDE_NOISE, BESIDE_FROM, BESIDE_AFTER, BESIDE_PATH, BESIDE_LAG, MEAN_X,
-    MEAN_Y, XX, XY, YY, SCATTER,
-) = range(12)  # fmt: skip
+    MEAN_Y, XX, XY, YY, SCATTER, LEAPT_TO, LEAPT_FROM,
+) = range(14)  # fmt: skip
 """Account per output in which a believed sample was an error: what measurements were off the state
 beside, variance of the noise, output at which it began, output now, way between,
 how far the state had followed before; means and products
-of expected (X) and measured (Y); half the squares of the innovations since."""
+of expected (X) and measured (Y); half the squares of the innovations since; the samples between
+which it began."""
+ACCOUNT = 14
 OWNER, SINCE, SINCE_AT, WEIGHED, HOW, TRUSTED = range(6)
 """The account, integers: its group + 1, 0: none; first row and stamp; rows weighed since; how it
 began; samples of the group that were trusted before it."""

@@ -23,6 +23,10 @@ from evertwin.sync.run_loop import is_frozen, may_revive, step_of
 NONE, RANGE, RATE = int(Cause.NONE), int(Cause.RANGE), int(Cause.RATE)
 FROZEN, SENTINEL, FACTOR = int(Cause.FROZEN), int(Cause.SENTINEL), int(Cause.FACTOR)
 
+BETTER = 4.0
+"""Times the variance of the innovations that a straight line errs by where a model is trusted to
+tell a sensor's unit from the machine's motion by itself."""
+
 
 @njit(**HOT)
 def grown(rules: Any, numbers: Any, figures: Any, g: int, stamp: int) -> float:
@@ -145,6 +149,42 @@ def implausible(settings: Any, memory: Any, sample: Any, g: int, size: int, stam
     return FROZEN if is_frozen(rules, memory, room, g, size) else NONE
 
 
+@njit(**HOT)
+def extend(limits: Any, values: Any, numbers: Any, sample: Any, g: int, size: int) -> None:
+    """One more trusted sample: how far off the line through the two before, model aside."""
+    room, y = sample[0], sample[1]
+    few = min(max(numbers[g, at.SAMPLES], 1), at.MEMORY)
+    for k in range(size):
+        j = room[k]
+        change = wrapped(y[j] - values[j, at.GOOD], limits[j, at.ANGLE] > 0)
+        off = change - values[j, at.CHANGE]
+        values[j, at.CHANGE] = change
+        values[j, at.LINE] += (off * off - values[j, at.LINE]) / few
+
+
+@njit(**COLD)
+def mark_onset(values: Any, numbers: Any, sample: Any, g: int, size: int) -> None:
+    """The first doubted sample, and where the line through the two trusted ones before it is."""
+    room, y = sample[0], sample[1]
+    if numbers[g, at.GOOD_AT] == numbers[g, at.LAST_AT]:
+        for k in range(size):
+            j = room[k]
+            values[j, at.AWAY_AT] = y[j]
+            values[j, at.AWAY_FROM] = values[j, at.GOOD] + values[j, at.CHANGE]
+
+
+@njit(**COLD)
+def leapt(limits: Any, values: Any, j: int, before: float, first: float, f: float) -> bool:
+    """Was it the sensor that leapt from ``before`` to ``first``, if its unit changed by ``f``?
+
+    Only a model that follows its machine far better than a straight line does says so by itself.
+    Of any other it has to be a leap off that line, and divided by ``f`` most of it is gone.
+    """
+    angle = limits[j, at.ANGLE] > 0
+    rest, leap = abs(wrapped(first / f - before, angle)), abs(wrapped(first - before, angle))
+    return bool(BETTER * values[j, at.BASE] <= values[j, at.LINE] or rest < 0.5 * leap)
+
+
 @njit(**COLD)
 def suspected(
     room: float, noise: float, y: float, expected: float, angle: bool, tried: Any
@@ -174,8 +214,9 @@ def suspected(
 def doubted(settings: Any, memory: Any, sample: Any, g: int, size: int) -> int:
     """A value outside the gate: a sentinel code, a suspected factor, or neither."""
     limits, rules, sentinels = settings
-    values, _, figures = memory
+    values, numbers, figures = memory
     room, y = sample[0], sample[1]
+    mark_onset(values, numbers, sample, g, size)
     for k in range(size):
         j = room[k]
         noise = rules[g, at.GATE] * np.sqrt(values[j, at.BASE])
@@ -192,7 +233,9 @@ def doubted(settings: Any, memory: Any, sample: Any, g: int, size: int) -> int:
             room_for, noise, y[j], y[j] - values[j, at.NU], angle, limits[j, at.TRIED :]
         )
         # Friction turns an output that no state adopts round with the motion.
-        if factor > 0.0 or (factor < 0.0 and limits[j, at.ADOPTS] > 0):
+        told = factor > 0.0 or (factor < 0.0 and limits[j, at.ADOPTS] > 0)
+        before, first = values[j, at.AWAY_FROM], values[j, at.AWAY_AT]
+        if told and leapt(limits, values, j, before, first, factor):
             figures[g, at.FACTOR] = factor
             return FACTOR
     return NONE

@@ -38,6 +38,7 @@ from evertwin.models.failures import Failed, failures_in
 from evertwin.models.kernel import looped
 from evertwin.signals import Channel, Layout
 from evertwin.signals.mistaken import numbers
+from evertwin.signals.units import powers
 from evertwin.sync import places as at
 from evertwin.sync.arbiter import Arbiter, Rule, describe, members
 from evertwin.sync.horizon import contiguous
@@ -73,7 +74,7 @@ class TrackState(NamedTuple):
     p: ParameterVector
     x0: StateVector
     """State that a new start begins with."""
-    values: Float64[np.ndarray, "ny 28"]
+    values: Float64[np.ndarray, "ny 54"]
     """Memory per output, see `evertwin.sync.places`."""
     numbers: Int64[np.ndarray, "ng 33"]
     """Memory per group: flags, stamps, the open fault and contest, counters."""
@@ -101,7 +102,7 @@ class TrackState(NamedTuple):
     which its step raised something, the first of these."""
     beside: StateVector
     """State as it would be without what was believed last, see `evertwin.sync.beside_loop`."""
-    account: Float64[np.ndarray, "ny 12"]
+    account: Float64[np.ndarray, "ny 14"]
     matter: Int64[np.ndarray, " six"]
     free: Float64[np.ndarray, "ng nx"]
     """State that runs free of each group, see `evertwin.sync.free_loop`."""
@@ -212,7 +213,10 @@ class Track:
         column = inputs.index(phases.channel) if phases else -1
         edges = np.array(phases.edges if phases else (), dtype=np.float64)
         return (
-            np.hstack([self.arbiter.limits(outputs, self.adopts), self._moves, _tried(outputs)]),
+            np.hstack([
+                self.arbiter.limits(outputs, self.adopts), self._moves, _moved_by(inputs, outputs),
+                _tried(outputs),
+            ]),
             self.arbiter.rules(outputs),
             np.array(self.arbiter.sentinels, dtype=np.float64), members(outputs), column, edges,
             np.array([_bounds(one) for one in inputs]).reshape(-1, 2 + len(at.FACTORS)),
@@ -241,7 +245,7 @@ class Track:
             np.zeros((at.LEARN, ny)), np.zeros((vote, ny)), np.zeros((vote, ny)),
             np.zeros((vote, ng), dtype=np.int64), np.zeros((vote, ng), dtype=np.int64),
             np.zeros((vote, ny)), np.zeros((nu, 5)), np.zeros((nu, 6), dtype=np.int64),
-            np.zeros(5, dtype=np.int64), x0.copy(), np.zeros((ny, 12)),
+            np.zeros(5, dtype=np.int64), x0.copy(), np.zeros((ny, at.ACCOUNT)),
             np.zeros(6, dtype=np.int64), np.zeros((ng, len(x0))),
         )  # fmt: skip
 
@@ -308,7 +312,9 @@ class Track:
 
 def _whole(state: TrackState) -> TrackState:
     """The state, with what a checkpoint of an older version does not know yet: nothing of it."""
-    widths = {"values": at.VALUES, "numbers": at.NUMBERS, "figures": at.FIGURES}
+    widths = {
+        "values": at.VALUES, "numbers": at.NUMBERS, "figures": at.FIGURES, "account": at.ACCOUNT,
+    }  # fmt: skip
     known = {name: getattr(state, name) for name in widths}
     return state._replace(**{
         name: np.pad(one, ((0, 0), (0, widths[name] - one.shape[1])))
@@ -319,6 +325,15 @@ def _whole(state: TrackState) -> TrackState:
 def _bounds(one: Channel) -> list[float]:
     """What an input may be, and which of `at.FACTORS` divide two units of its quantity."""
     return [one.low, one.high, *(_decimal() | _divides(one.unit)).astype(float).tolist()]
+
+
+def _moved_by(inputs: Layout, outputs: Layout) -> np.ndarray:
+    """Is an input the rate of the output, or the same quantity? (ny, 1). Of any other a number of
+    the model says how much an input does, and that may be off by any factor until it is tuned."""
+    known = [powers(unit) for unit in inputs.units]
+    known += [{**one, "s": one.get("s", 0) + 1} for one in known if one]
+    known = [{name: power for name, power in one.items() if power} for one in known]
+    return np.array([[bool(own) and own in known] for own in map(powers, outputs.units)], float)
 
 
 def _tried(outputs: Layout) -> np.ndarray:

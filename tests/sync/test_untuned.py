@@ -1,0 +1,54 @@
+"""A model that describes nothing yet names no unit of a sensor whose values go on smoothly."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from evertwin.fold import Block, Event, make_block
+from evertwin.sync import Arbiter, Rule, Track
+
+from .machines import store
+
+ROWS = 4000
+
+
+def served(seed: int) -> Block:
+    """An axis that is moved to a place and rests there, again and again, and its coarse encoder."""
+    rng = np.random.default_rng(seed)
+    dt, step, moves = rng.choice([0.002, 0.005, 0.02]), rng.choice([1e-5, 1e-4]), [np.zeros(5)]
+    while sum(map(len, moves)) < ROWS:
+        to, share = rng.uniform(-0.5, 0.5), np.linspace(0, 1, int(rng.uniform(0.3, 1.5) / dt))
+        way = 10 * share**3 - 15 * share**4 + 6 * share**5
+        moves += [moves[-1][-1] + (to - moves[-1][-1]) * way, np.full(int(0.4 / dt), to)]
+    place = np.concatenate(moves)[:ROWS]
+    read = np.round((place + rng.normal(size=ROWS) * step / 2) / step) * step
+    stamps = (np.arange(ROWS) * dt * 1e9).astype(np.int64)
+    return make_block(t=stamps, u=np.roll(place, -5)[:, None], y=read[:, None])
+
+
+def factors(block: Block) -> list[tuple[int, float]]:
+    """Row and factor of every unit that is named, with a model of another kind."""
+    stage = Track(store(), Arbiter(Rule(use="blend")))
+    events = [e for e in stage.step(stage.init(), block)[1].records if isinstance(e, Event)]
+    return [
+        (int(str(e.evidence["onset"])), float(str(e.evidence["factor"])))
+        for e in events
+        if e.kind == "measurement_error" and e.evidence["cause"] == "factor"
+    ]
+
+
+def test_motion_that_the_model_does_not_know_is_no_unit() -> None:
+    assert [factors(served(seed)) for seed in range(30)] == [[]] * 30
+
+
+@pytest.mark.parametrize("factor", [1000.0, 0.01, 25.4])
+def test_a_leap_by_a_factor_is_one(factor: float) -> None:
+    told = 0
+    for seed in range(20):
+        block = served(seed)
+        onset = 2000 + int(np.argmax(np.abs(block.y[2000:, 0]) > 0.1))
+        block.y[onset:] *= factor
+        found = [f for row, f in factors(block) if abs(row - onset) < 3]
+        told += found[:1] == pytest.approx([factor])
+    assert told >= 15, told  # the rest leaps while the machine moves fast
