@@ -24,7 +24,6 @@ from evertwin.ahead.basis import (
     Mode,
     coming,
     draws,
-    state_after,
     through,
     usual_step,
 )
@@ -33,6 +32,7 @@ from evertwin.ahead.spread import spread
 from evertwin.errors import UsageError
 from evertwin.fold import Block, plain
 from evertwin.rows.feed import Data
+from evertwin.setup.newest import state_after
 from evertwin.signals import wrap
 from evertwin.signals.units import from_si
 from evertwin.types import Inputs, Json, Outputs, Vector

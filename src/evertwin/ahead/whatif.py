@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from evertwin.ahead.basis import Basis, coming, state_after
+from evertwin.ahead.basis import Basis, coming
 from evertwin.ahead.changes import Case
 from evertwin.ahead.path_error import followed
 from evertwin.ahead.planned import beyond
@@ -24,6 +24,7 @@ from evertwin.errors import DataError
 from evertwin.fold import Block, plain, take
 from evertwin.rows.feed import Data
 from evertwin.setup.evaluation import judged
+from evertwin.setup.newest import state_after
 from evertwin.signals.units import from_si
 from evertwin.types import Json, StateVector
 
