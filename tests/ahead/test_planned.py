@@ -64,6 +64,12 @@ def test_a_heading_of_another_quantity_is_refused(tmp_path: Path) -> None:
         planned(twin, rows, tmp_path / "plan.csv", "t,heater [A],room\n0,30,21\n60,30,21\n")
 
 
+def planned_at(path: Path, room: float) -> Path:
+    """A minute in a room [degC]."""
+    path.write_text(f"t,heater,room\n0,30,{room}\n60,30,{room}\n")
+    return path
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_inputs_beyond_what_was_recorded_are_said(seed: int, tmp_path: Path) -> None:
     twin, rows, path = oven(), recorded(seed), tmp_path / "plan.csv"
@@ -75,6 +81,18 @@ def test_inputs_beyond_what_was_recorded_are_said(seed: int, tmp_path: Path) -> 
     assert note in twin.whatif(told, rows).notes
     told.write_text('schema = 1\nname = "as it is"\n')
     assert not twin.whatif(told, rows).notes
+
+
+def test_a_band_beyond_what_was_recorded_holds_what_was(tmp_path: Path) -> None:
+    """One recorded width away it may be as if the room had stayed; nearby it is as it was."""
+    twin, rows, path = oven(), recorded(0), tmp_path / "plan.csv"
+    near, far = (
+        twin.forecast(60.0, rows, inputs=planned_at(path, room)).outputs["box"]
+        for room in (22, 300)
+    )
+    there = np.abs(far.value - near.value)[-1]
+    assert np.ptp(near.band(0.95), axis=0)[-1] < 0.1 * there
+    assert far.band(0.95)[0][-1] < near.value[-1] + 0.01 * there, "as if the room had stayed"
 
 
 @pytest.mark.parametrize("seed", range(3))

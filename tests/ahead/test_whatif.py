@@ -15,6 +15,7 @@ from evertwin.ahead.whatif import WhatIf
 from evertwin.config import spec
 from evertwin.errors import ConfigError, DataError, UsageError
 from evertwin.settings.schema import schema
+from evertwin.sync.spec import DeriveSpec
 
 
 def arm(**more: object) -> Twin:
@@ -244,3 +245,34 @@ def test_the_friction_of_a_drive_works_and_a_faster_motion_is_beyond() -> None:
     faster = float(np.sum(20 * v * (800.0 * v + 20.0)) * dt / 20)
     assert found.after.work["force"] == pytest.approx(faster, rel=0.01)
     assert any("beyond what was recorded" in one and "speed -10 … 10" in one for one in found.notes)
+
+
+def test_what_a_form_lacks_is_in_the_band_of_a_static_map() -> None:
+    """The model knows no drag that grows with the square of the speed; noise averages out, that
+    does not."""
+    inside = 0
+    for seed in range(20):
+        rng, rows = np.random.default_rng(seed), axis_rows(seed)
+        v, factor = rows["speed"], float(rng.uniform(0.7, 1.3))
+        drag = rng.uniform(-12.0, 12.0)
+        rows["force"] = rows["force"] + drag * v * np.abs(v)
+        out = axis().whatif(told(f"[speed]\nfactor = {factor}"), rows).after.outputs["force"]
+        w, a = factor * v, factor**2 * rows["acceleration"]
+        force = 100.0 * a + 40.0 * w + 20.0 * np.sign(w) + drag * w * np.abs(w)
+        rms = float(np.sqrt(np.mean((force + rng.normal(0.0, 5.0, len(force))) ** 2)))
+        inside += out.rms95[0] <= rms <= out.rms95[1]
+    assert inside >= 17
+
+
+def test_the_noise_of_a_derived_acceleration_is_no_peak() -> None:
+    """The peak that is told is that of the motion, and faster motion has no more noise."""
+    t, w = np.arange(3000) * 0.01, 2 * np.pi * 0.2
+    v, a = 0.5 * np.sin(w * t), 0.5 * w * np.cos(w * t)
+    rng = np.random.default_rng(3)
+    force = 100.0 * a + 40.0 * v + 20.0 * np.sign(v) + rng.normal(0.0, 5.0, len(t))
+    rows = {"t": t, "speed": v + rng.normal(0.0, 1e-3, len(t)), "force": force}
+    derive = (DeriveSpec(name="acceleration", op="derivative", source=("speed",)),)
+    twin = Twin(replace(axis().spec, derive=derive))
+    out = twin.whatif(told("[speed]\nfactor = 1.5"), rows).after.outputs["force"]
+    free = 100.0 * 2.25 * a + 40.0 * 1.5 * v + 20.0 * np.sign(v)
+    assert out.peak == pytest.approx(float(np.abs(free).max()), rel=0.02)

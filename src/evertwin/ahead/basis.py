@@ -24,16 +24,13 @@ import numpy as np
 from evertwin.errors import DataError, UsageError
 from evertwin.fold import Answer, Block, Event, take
 from evertwin.ledger.versions import Versions
-from evertwin.models import Model, Restart, observed, roll
+from evertwin.models import Model
 from evertwin.models.form import Version
-from evertwin.models.function import kernel_of
-from evertwin.models.kernel import ANEW
 from evertwin.refit.screening import screened
 from evertwin.rows.channels import unit_told
 from evertwin.rows.feed import Data, Feed
 from evertwin.setup.setup import Setup
 from evertwin.store import Store
-from evertwin.sync.horizon import openings, trusted
 from evertwin.types import Float64, Inputs, Intervals, Outputs, ParameterVector, StateVector, Vector
 
 ENOUGH = 100
@@ -127,19 +124,6 @@ def draws(
     spread = p + sigma * rng.standard_normal((count, len(p)))
     low, high = model.parameters.low, model.parameters.high
     return np.where(sigma > 0.0, np.clip(spread, low, high), p)
-
-
-def state_after(model: Model, p: ParameterVector, rows: Block) -> StateVector:
-    """The state after recorded rows, each trusted measurement adopted as it came, (nx,)."""
-    if not len(model.states):
-        return model.initial(p)
-    y = trusted(rows)
-    seen = observed(model, np.isfinite(y).any(axis=0))
-    code = np.isfinite(y).any(axis=1).astype(np.uint8)
-    code[openings(rows)] = ANEW
-    x0 = seen.initial(p)
-    x, _ = roll(kernel_of(seen), x0, rows.u, rows.dt, p, Restart(y, code, x0))
-    return x[: len(model.states)]
 
 
 def through(

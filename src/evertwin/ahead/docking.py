@@ -20,12 +20,13 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy
 
-from evertwin.ahead.basis import Basis, draws, state_after
+from evertwin.ahead.basis import Basis, draws
 from evertwin.ahead.spec import DockSpec
 from evertwin.ahead.spread import spread
 from evertwin.errors import UsageError
 from evertwin.models import Model
 from evertwin.rows.feed import Data
+from evertwin.setup.newest import state_after
 from evertwin.signals.units import compatible
 from evertwin.types import Inputs, Json, ParameterVector, StateVector
 

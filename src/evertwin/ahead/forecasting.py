@@ -1,11 +1,13 @@
 """Forecast: what the machine will do, open loop, each output with its band.
 
-From the newest measured state the live version simulates the inputs to come. The band adds three
+From the newest measured state the live version simulates the inputs to come. The band adds four
 sources, each from where it is known:
 
 * parameters: drawn from the intervals that their fits gave, simulated over the same inputs;
 * start, process and sensor: how far open-loop runs over the recordings were off after the same
   lead time (`evertwin.ahead.spread`);
+* inputs beyond the recorded ones: what they change, by how far beyond they are
+  (`evertwin.ahead.planned.off_beyond`);
 * how often: the shares that a band of so many σ held on the recordings.
 """
 
@@ -24,15 +26,15 @@ from evertwin.ahead.basis import (
     Mode,
     coming,
     draws,
-    state_after,
     through,
     usual_step,
 )
-from evertwin.ahead.planned import Planned, beyond, rows_of_file
-from evertwin.ahead.spread import spread
+from evertwin.ahead.planned import Planned, beyond, off_beyond, rows_of_file
+from evertwin.ahead.spread import BELL, spread
 from evertwin.errors import UsageError
 from evertwin.fold import Block, plain
 from evertwin.rows.feed import Data
+from evertwin.setup.newest import state_after
 from evertwin.signals import wrap
 from evertwin.signals.units import from_si
 from evertwin.types import Inputs, Json, Outputs, Vector
@@ -189,7 +191,11 @@ def forecast(
     future = coming(rows[-1], horizon, mode) if inputs is None else inputs
     known = spread(model, p, basis.alike(rows), float(future.t[-1]))
     y, by_p = _simulated(basis, rows[-1], future)
-    sigma = known.sigma(future.t)
+    start = [state_after(model, p, rows[-1])]
+    off = off_beyond(
+        basis, rows, future, lambda told: through(model, start, p[None], told.u, told.dt)[0]
+    )
+    sigma = np.hypot(known.sigma(future.t), off / BELL)
     outputs = {
         channel.name: ForecastOutput(
             channel.unit, y[:, k], sigma[:, k], by_p[:, k],

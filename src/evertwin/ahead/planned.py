@@ -13,7 +13,7 @@ stamps of a recording, other inputs go on a line. The last row is one step more.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -24,12 +24,12 @@ from evertwin.ahead.basis import Basis, Future, check_count
 from evertwin.errors import DataError
 from evertwin.fold import Block
 from evertwin.rows.channels import is_held, recorded_as, unit_told
-from evertwin.signals import Channel
+from evertwin.signals import Channel, wrap
 from evertwin.signals.units import compatible, from_si, to_si
 from evertwin.sources.small_table import Table, read_table
 from evertwin.sources.spec import ChannelSpec
 from evertwin.sources.stamps import seconds_of
-from evertwin.types import Bools, Float64, Int64, Intervals, Vector
+from evertwin.types import Bools, Float64, Int64, Intervals, Outputs, Vector
 
 BEYOND = 0.05
 """Share of an input's recorded range by which it may leave it unsaid."""
@@ -179,16 +179,47 @@ def _heading(told: ChannelSpec) -> tuple[str, str]:
     return name.strip(), unit.strip().removesuffix("]").strip().strip("-")
 
 
+def _range(basis: Basis, rows: Sequence[Block], k: int) -> tuple[float, float, float] | None:
+    """Lowest and highest recorded value of an input, and by how much more it may leave them unsaid;
+    None of an angle, or where nothing is known."""
+    told = np.concatenate([one.u[:, k] for one in rows])
+    known = told[np.isfinite(told)]
+    if basis.model.inputs.channels[k].kind == "angle" or not len(known):
+        return None
+    low, high = float(known.min()), float(known.max())
+    return low, high, max(BEYOND * (high - low), 1e-9 * max(abs(low), abs(high)))
+
+
+def off_beyond(
+    basis: Basis, rows: Sequence[Block], future: Future, outputs: Callable[[Future], Outputs]
+) -> Outputs:
+    """By what outputs may be off because inputs leave what was recorded, (n, ny).
+
+    What a form lacks there nobody has seen. As the next term of a series it grows with what the
+    inputs change beyond the edge and with how far they are: all of it one recorded width away.
+    """
+    u, off = future.u.copy(), np.zeros(len(future.u))
+    for k in range(u.shape[1]):
+        ends = _range(basis, rows, k)
+        if ends is not None:
+            low, high, slack = ends
+            inside = np.clip(u[:, k], low - slack, high + slack)
+            off = np.maximum(off, np.abs(u[:, k] - inside) / max(high - low, slack, 1e-300))
+            u[:, k] = inside
+    if not off.any():
+        return np.zeros((len(u), len(basis.model.outputs)))
+    apart = wrap(outputs(future) - outputs(Future(u, future.dt)), basis.model.outputs.angles)
+    return np.asarray(np.abs(apart) * np.minimum(np.maximum.accumulate(off), 1.0)[:, None])
+
+
 def beyond(basis: Basis, rows: Sequence[Block], future: Future) -> tuple[str, ...]:
     """Which inputs to come leave what was recorded: a sentence, where some do."""
-    told = np.concatenate([one.u for one in rows])
     found = list[str]()
     for k, one in enumerate(basis.model.inputs):
-        known, new = told[np.isfinite(told[:, k]), k], future.u[:, k]
-        if one.kind == "angle" or not len(known):
+        ends, new = _range(basis, rows, k), future.u[:, k]
+        if ends is None:
             continue
-        low, high = float(known.min()), float(known.max())
-        slack = max(BEYOND * (high - low), 1e-9 * max(abs(low), abs(high)))
+        low, high, slack = ends
         if new.min() < low - slack or new.max() > high + slack:
             unit = basis.recorded.get(one.name) or one.unit
             to, was = (

@@ -16,7 +16,7 @@ import numpy as np
 
 from evertwin.ahead.basis import draws, through
 from evertwin.ahead.changes import Case, chain_of, inner
-from evertwin.ahead.spread import Spread
+from evertwin.ahead.spread import BELL, Spread
 from evertwin.machines.friction import Rubbing
 from evertwin.machines.friction.resisting import rubbed
 from evertwin.models import Model
@@ -113,8 +113,9 @@ class Simulated:
 
 
 def simulated(
-    case: Case, x: StateVector | None, known: Spread, limits: Mapping[str, float]
-) -> Simulated:
+    case: Case, x: StateVector | None, known: Spread, limits: Mapping[str, float],
+    beyond: Outputs,
+) -> Simulated:  # fmt: skip
     """Simulates a case.
 
     Args:
@@ -122,6 +123,7 @@ def simulated(
         x: state before the first row; None: the model's own.
         known: size of what the simulation leaves out, by the time from the start.
         limits: largest size by channel.
+        beyond: what outputs may be off by because no such inputs were recorded, (n, ny).
     """
     model, future = case.model, case.future
     for name in limits:
@@ -131,7 +133,7 @@ def simulated(
         ps = ps[:1]
     starts = [model.initial(p) if x is None else x for p in ps]
     y = through(model, starts, ps, future.u, future.dt)
-    peaks, sizes = _measured(y, known, future.dt)
+    peaks, sizes = _measured(y, known, future.dt, beyond / BELL)
     outputs = {
         c.name: _size(c.unit, y[0, :, k], sizes[:, k], peaks[:, k], limits.get(c.name))
         for k, c in enumerate(model.outputs)
@@ -150,10 +152,9 @@ def simulated(
 
 
 def _measured(
-    y: Float64[np.ndarray, "k n ny"], known: Spread, dt: Intervals
+    y: Float64[np.ndarray, "k n ny"], known: Spread, dt: Intervals, beyond: Outputs
 ) -> tuple[Float64[np.ndarray, "m ny"], Float64[np.ndarray, "m ny"]]:
-    """Largest and rms sizes that may be measured: of each simulation with courses of the residual
-    on it.
+    """Largest and rms sizes that may be measured: of each simulation with what it is off by.
 
     The largest of many noisy rows lies above the largest row without noise.
     """
@@ -161,7 +162,8 @@ def _measured(
     count = min(max(LARGEST // y.size, 1), max(PATHS // len(y), 1))
     peaks, sizes = [], []
     for one in y:
-        courses = one + known.paths(dt, count, rng)
+        wrong = rng.standard_normal((count, 1, y.shape[2])) * beyond
+        courses = known.paths(one, dt, count, rng) + wrong
         peaks.append(np.abs(courses).max(axis=1))
         sizes.append(np.sqrt(np.mean(courses**2, axis=1)))
     return np.concatenate(peaks), np.concatenate(sizes)

@@ -13,6 +13,9 @@ How many σ hold 80 or 95 % is counted on the same residuals, so that heavy tail
 the bell curve would make too narrow. Rows of one stretch share their noise; where stretches are few
 Student's t stands in for what cannot be counted yet, with as many degrees of freedom as the scatter
 from stretch to stretch says (Satterthwaite, Biometrics Bulletin 2(6), 1946).
+
+A static map knows no lead time. What its form does not know follows what it predicts instead of
+averaging out as noise does: a share s of it, found stretch by stretch by least squares.
 """
 
 from __future__ import annotations
@@ -68,14 +71,19 @@ class Spread:
     """Open-loop stretches that it rests on."""
     length: float = math.inf
     """How long they are [s]; beyond it the law is extrapolated."""
+    share: Float64[np.ndarray, " ny"] | float = 0.0
+    """Of a static map: by what share of the prediction a whole stretch is off, rms."""
 
     def sigma(self, lead: Vector) -> Outputs:
         """Standard deviation at lead times [s], (n, ny)."""
         basis = np.stack([np.ones_like(lead), lead, lead**2], axis=1)
         return np.asarray(np.sqrt(basis @ self.law.T))
 
-    def paths(self, dt: Intervals, count: int, rng: Generator) -> Float64[np.ndarray, "k n ny"]:
-        """Courses that a residual may take: noise, random walk and rate, (count, n, ny).
+    def paths(
+        self, y: Outputs, dt: Intervals, count: int, rng: Generator
+    ) -> Float64[np.ndarray, "k n ny"]:
+        """Courses that may be measured where ``y`` is predicted: with noise, random walk, rate and
+        share, (count, n, ny).
 
         Tails as heavy as those counted: 95 % are held as by the band.
         """
@@ -87,7 +95,8 @@ class Spread:
             found += b * np.cumsum(walk, axis=1)
         if c.any():
             found += c * np.cumsum(dt)[:, None] * rng.standard_normal((count, 1, len(a)))
-        return np.asarray(found * self.factor[:, 1] / BELL)
+        off = self.share * rng.standard_t(max(self.stretches, 1), (count, 1, len(a)))
+        return np.asarray(y * (1.0 + off) + found * self.factor[:, 1] / BELL)
 
 
 def spread(model: Model, p: ParameterVector, windows: Sequence[Block], horizon: float) -> Spread:
@@ -113,7 +122,16 @@ def spread(model: Model, p: ParameterVector, windows: Sequence[Block], horizon: 
     square = np.maximum(np.einsum("nkb,kb->nk", basis, law), 1e-300)
     scaled = np.abs(known.residual) / np.sqrt(square)
     factor = [_factors(scaled[:, k], known.piece, known.stretches) for k in columns]
-    return Spread(law, np.array(factor), known.stretches, length)
+    share = np.array([_share(known, k) if static else 0.0 for k in columns])
+    return Spread(law, np.array(factor), known.stretches, length, share)
+
+
+def _share(known: _Pairs, column: int) -> float:
+    """By what share of the prediction stretches are off, as a whole, rms."""
+    r, y = known.residual[:, column], known.predicted[:, column]
+    here = np.isfinite(r)
+    product, size = (np.bincount(known.piece[here], x[here]) for x in (r * y, y * y))
+    return float(np.sqrt(np.sum(product**2 / np.maximum(size, 1e-300)) / max(size.sum(), 1e-300)))
 
 
 class _Pairs(NamedTuple):
@@ -122,6 +140,7 @@ class _Pairs(NamedTuple):
     lead: Outputs
     """Lead times [s], (n, ny)."""
     residual: Outputs
+    predicted: Outputs
     piece: Int64[np.ndarray, " n"]
     """Which stretch a row is of."""
     stretches: int
@@ -132,7 +151,7 @@ def _pairs(model: Model, p: ParameterVector, windows: Sequence[Block], length: f
     model = observed(model)
     kernel, parts = kernel_of(model), len(hidden_of(model)) + 2
     x0, ny = model.initial(p), len(model.outputs)
-    nothing = np.zeros((0, ny)), np.zeros((0, ny)), np.zeros(0, dtype=np.int64)
+    nothing = *(np.zeros((0, ny)),) * 3, np.zeros(0, dtype=np.int64)
     found, stretches, pieces = [nothing], 0.0, 0
     hidden = _hidden(model, x0)
     for window in windows:
@@ -150,11 +169,11 @@ def _pairs(model: Model, p: ParameterVector, windows: Sequence[Block], length: f
             piece = (since / length).astype(np.int64) + pieces
             pieces = int(piece[-1]) + 1
             off[0] = np.nan if start > 0 else off[0]  # the last row of the stretch before
-            found.append((lead, off, piece))
+            found.append((lead, off, y[start:], piece))
             if share == 0.0:
                 stretches += float(since[-1]) / length
-    lead, residual, piece = (np.concatenate(column) for column in zip(*found, strict=True))
-    return _Pairs(lead, residual, piece, int(stretches))
+    lead, residual, y, piece = (np.concatenate(column) for column in zip(*found, strict=True))
+    return _Pairs(lead, residual, y, piece, int(stretches))
 
 
 def _hidden(model: Model, x0: StateVector) -> bool:

@@ -13,22 +13,25 @@ from typing import Any
 
 import numpy as np
 
-from evertwin.ahead.basis import Basis, coming, state_after
+from evertwin.ahead.basis import Basis, coming
 from evertwin.ahead.changes import Case
 from evertwin.ahead.path_error import followed
-from evertwin.ahead.planned import beyond
+from evertwin.ahead.planned import beyond, off_beyond
 from evertwin.ahead.simulated import PathError, Simulated, simulated
 from evertwin.ahead.spec import ScenarioSpec
 from evertwin.ahead.spread import Spread, spread
 from evertwin.errors import DataError
 from evertwin.fold import Block, plain, take
+from evertwin.rows.channels import recorded_as
 from evertwin.rows.feed import Data
 from evertwin.setup.evaluation import judged
+from evertwin.setup.newest import state_after
 from evertwin.signals.units import from_si
 from evertwin.types import Json, StateVector
 
 LIKELY = 0.025
 """Probability from which on a limit may be passed."""
+DERIVATIVES = ("derivative", "slope")
 AS_TODAY = " (the baseline passes it too)"
 
 
@@ -56,7 +59,7 @@ class WhatIf:
 
     >>> found = WhatIf("robot", "as", 0, Simulated(1.0, {}), Simulated(2.0, {}))
     >>> print(found)
-    robot, version 0 (as configured), scenario 'as': 2 s, baseline 1 s; 95 % intervals in brackets
+    robot, version 0 (as configured), scenario 'as': 2 s, baseline 1 s; (95 % of what is measured)
       no limit is passed
     >>> found.findings
     ()
@@ -136,8 +139,8 @@ class WhatIf:
         configured = " (as configured)" if self.version == 0 else ""
         lines = [
             f"{self.name}, version {self.version}{configured}, scenario {self.scenario!r}: "
-            f"{self.after.seconds:.4g} s, baseline {self.before.seconds:.4g} s; 95 % intervals in "
-            "brackets"
+            f"{self.after.seconds:.4g} s, baseline {self.before.seconds:.4g} s; "
+            "(95 % of what is measured)"
         ]
         for name, new in self.after.outputs.items():
             old = self.before.outputs[name]
@@ -209,7 +212,8 @@ def today(basis: Basis, data: Data = None, horizon: float | None = None) -> Toda
         DataError: there are no recordings, or they are too short.
     """
     rows = basis.rows(data)
-    last = rows[-1]
+    calm = tuple(_calm(basis, one) for one in rows)
+    last = calm[-1]
     if len(last.t) < 3:
         raise DataError("what if: expected a recorded task of three rows or more")
     length = float(last.t[-1] - last.t[0]) * 1e-9
@@ -221,9 +225,25 @@ def today(basis: Basis, data: Data = None, horizon: float | None = None) -> Toda
         begin = int(np.searchsorted(last.t, last.t[-1] - horizon * 1e9, side="right"))
         first = take(last, 0, max(begin, 1))
         future = coming(last, horizon, "repeat")
-    known = spread(model, p, basis.alike(rows), float(future.t[-1]))
+    known = spread(model, p, basis.alike(calm), float(future.t[-1]))
     start, newest = (state_after(model, p, part) for part in (first, last))
     return Today(Case(model, p, basis.sigma, future), start, newest, known, rows)
+
+
+def _calm(basis: Basis, rows: Block) -> Block:
+    """Rows of a static map, with inputs that are derivatives filtered as the twin file filters what
+    it compares: what these are noisy by is no motion of the machine, and would grow with the square
+    of its speed."""
+    smooth, inputs = basis.setup.smooth_window, basis.model.inputs
+    spec = basis.setup.spec
+    derived = {one.name for one in spec.derive if one.op in DERIVATIVES}
+    noisy = [k for k, name in enumerate(inputs.names) if recorded_as(spec, name) in derived]
+    if smooth is None or len(basis.model.states) or not noisy:
+        return rows
+    u = rows.u.copy()
+    filtered = smooth(u[:, noisy])
+    u[:, noisy] = np.where(np.isfinite(filtered), filtered, u[:, noisy])
+    return rows._replace(u=u)
 
 
 def beside(basis: Basis, now: Today, scenario: ScenarioSpec, after: Case) -> WhatIf:
@@ -231,7 +251,12 @@ def beside(basis: Basis, now: Today, scenario: ScenarioSpec, after: Case) -> Wha
 
     def run(case: Case, x: StateVector) -> Simulated:
         known = x if len(x) == len(case.model.states) else None
-        return simulated(case, known, now.spread, scenario.limits)
+        start = case.model.initial(case.p) if known is None else known
+        off = off_beyond(
+            basis, now.rows, case.future,
+            lambda told: case.model.simulate(start, told.u, told.dt, case.p)[1],
+        )  # fmt: skip
+        return simulated(case, known, now.spread, scenario.limits, off)
 
     start = now.x if scenario.path is None else now.newest
     outcome, notes, as_is = run(after, start), tuple[str, ...](), run(now.case, now.x)

@@ -68,8 +68,9 @@ def _text(found: Inverse, unit: str, recorded: str) -> str:
         f"{found.channels[1]} [{unit}] for {found.channels[0]} [{told_in or '1'}] held, as far as "
         "the recordings have it"
     ]
-    lines += [_answer(one, found, unit, said, f"{to_set(one.set_point or 0.0)} {told_in}".rstrip())
-              for one in found.answers]  # fmt: skip
+    for one in found.answers:
+        value = one.model_alone if one.set_point is None else one.set_point
+        lines.append(_answer(one, found, unit, said, f"{to_set(value or 0.0)} {told_in}".rstrip()))
     places = [round(k * (len(found.set_points) - 1) / (ROWS - 1)) for k in range(ROWS)]
     lines.append("  map: " + ", ".join(
         f"{to_set(found.set_points[k])} → {said(found.rates[k])}" for k in places
@@ -83,8 +84,17 @@ def _answer(
     if one.set_point is None:
         lower, higher = one.nearest or (None, None)
         known = [f"{said(v)} {unit}" for v in (lower, higher) if v is not None]
-        can = f"speeds are {' and '.join(known)}" if len(known) > 1 else f"is {known[0]}"
-        return f"  {said(one.wanted)} {unit}: cannot be had; the nearest {can}"
+        can = f"are {' and '.join(known)}" if len(known) > 1 else f"is {known[0]}"
+        if not one.outside:
+            return f"  {said(one.wanted)} {unit}: cannot be had; the nearest {can}"
+        name = found.channels[0]
+        alone = (
+            f"; the model alone would set {name} = {setting}" if one.model_alone is not None else ""
+        )
+        return (
+            f"  {said(one.wanted)} {unit}: not known, beyond what recorded {name} gives, of which "
+            f"the nearest {can}{alone}"
+        )
     low, high = one.gives95
     return (
         f"  {said(one.wanted)} {unit}: set {found.channels[0]} = {setting}; gives "

@@ -135,7 +135,9 @@ def setpoint(
     wanted: Annotated[
         list[str] | None, typer.Option(help="Speed that is wanted, as in '10 cm/s'; repeat.")
     ] = None,
-    input_name: Annotated[str, typer.Option("--input", help="Input. Default: by the unit.")] = "",
+    input_name: Annotated[
+        str, typer.Option("--input", help="Input. Default: the one that moves the output most.")
+    ] = "",
     output: Annotated[str, typer.Option(help="Output. Default: by the unit.")] = "",
     data: DataFiles = None,
     as_json: AsJson = False,

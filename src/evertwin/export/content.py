@@ -6,7 +6,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +16,8 @@ from evertwin.fold import Block, Event
 from evertwin.ledger.versions import Versions
 from evertwin.models import Model
 from evertwin.models.form import Version
+from evertwin.refit.screening import screened
+from evertwin.rows.feed import Feed
 from evertwin.setup.evaluation import predict
 from evertwin.setup.setup import Setup
 from evertwin.signals import Layout
@@ -69,6 +71,11 @@ class Exported:
     trajectories: Trajectories | None = None
     alarms: tuple[Event, ...] = ()
     """The newest of each component that no later event has cleared."""
+    recorded: Callable[[], tuple[Block, ...]] = tuple
+    """The rows of the recordings given, else of those that the twin file names.
+
+    Raises:
+        DataError: they cannot be read."""
 
     @property
     def parameters(self) -> dict[str, dict[str, Any]]:
@@ -106,10 +113,17 @@ def exported(
     for event in store.read("event"):
         if isinstance(event, Event) and event.kind in ("alarm", "alarm_cleared"):
             alarms[event.signal] = event
+
+    def recorded() -> tuple[Block, ...]:
+        told = windows or (
+            Feed(spec, model).blocks() if any(one.files for one in spec.source) else ()
+        )
+        return screened(setup, model, version.p, told).rows
+
     open_ones = tuple(one for one in alarms.values() if one.kind == "alarm")
     return Exported(
         spec.name, spec.model.kind, dict(spec.model.options), str(spec.folder), version, model,
-        setup.model, known, rows, open_ones,
+        setup.model, known, rows, open_ones, recorded,
     )  # fmt: skip
 
 

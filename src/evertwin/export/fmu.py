@@ -4,6 +4,9 @@ The file holds the model's description, the files it is built from, and a small 
 by evertwin itself: the tool that loads it needs a Python of the same version with evertwin in it
 (`need_of`). `reading_options` says how evertwin reads it back.
 
+Its states start where the recordings end, so that a tool that sets nothing begins at the machine as
+it was last seen; without recordings where the model itself starts, which is then said.
+
 >>> need_of().startswith("needs Python 3.")
 True
 """
@@ -17,24 +20,25 @@ import tempfile
 from importlib import import_module
 from importlib.metadata import version as version_of
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from evertwin.errors import ModelError, UsageError, needs
+import numpy as np
+
+from evertwin.errors import DataError, ModelError, UsageError, needs
 from evertwin.export.content import Exported
 from evertwin.fold.records import plain
 from evertwin.machines.catalog import FILES, with_files
 from evertwin.settings.writing import inline
+from evertwin.setup.newest import state_after
+from evertwin.types import StateVector, Vector
 
 _SCRIPT = '''"""{identifier}, version {number}: {need}."""
-
-from pathlib import Path
 
 from {module} import {base}
 
 
 class {identifier}({base}):
-    folder = Path(__file__).resolve().parent
-    description = "{need}"
+    description = {said!r}
 '''
 
 
@@ -56,6 +60,7 @@ def write_fmu(out: Exported, path: Path) -> str:
         builder = import_module("pythonfmu.builder").FmuBuilder
         slave = import_module("evertwin.machines.slave")
     _check(out, path)
+    begun = _begun(out)
     before = list(sys.path)
     with tempfile.TemporaryDirectory(prefix="evertwin-") as name:
         folder = Path(name)
@@ -63,10 +68,11 @@ def write_fmu(out: Exported, path: Path) -> str:
         script = folder / f"evertwin_{identifier.lower()}_{out.version.hash[:12]}.py"
         text = _SCRIPT.format(
             identifier=identifier, number=out.version.number, need=need_of(),
+            said=f"{need_of()}; {begun.said}",
             module=slave.__name__, base=slave.TwinSlave.__name__,
         )  # fmt: skip
         script.write_text(text, encoding="utf-8")
-        files, made = _collected(out, folder), folder / "made" / path.name
+        files, made = _collected(out, begun, folder), folder / "made" / path.name
         try:
             builder.build_FMU(
                 script, dest=made, project_files=files, canGetAndSetFMUstate=True,
@@ -78,7 +84,41 @@ def write_fmu(out: Exported, path: Path) -> str:
         finally:
             sys.path[:] = before
     options = ", ".join(f"{k} = {inline(v)}" for k, v in reading_options(out, path).items())
-    return f'{need_of()}; a twin file reads it by kind = "fmu", options = {{ {options} }}'
+    read = f'a twin file reads it by kind = "fmu", options = {{ {options} }}'
+    return f"{need_of()}; {begun.said}; {read}"
+
+
+class _Begun(NamedTuple):
+    """Where an FMU starts."""
+
+    said: str
+    inputs: Vector
+    state: StateVector | None = None
+    """None: where the model does."""
+    step: float | None = None
+    """Of the recorded rows, as a rule [s]."""
+
+
+def _begun(out: Exported) -> _Begun:
+    """The newest recorded inputs, and the state after them."""
+    model, p = out.model, out.version.p
+    inputs = np.zeros(len(model.inputs))
+    try:
+        rows, why = out.recorded(), "no recordings say where it starts"
+    except DataError as error:
+        rows, why = (), f"where it starts is not known ({error})"
+    if not rows:
+        own = zip(model.states.names, model.initial(p), strict=True)
+        said = ", ".join([*(f"state.{name} ({value:.6g})" for name, value in own),
+                          *(f"{name} (0)" for name in model.inputs.names)])  # fmt: skip
+        return _Begun(f"{why}: set {said}", inputs)
+    last = rows[-1]
+    for k, column in enumerate(last.u.T):
+        known = column[np.isfinite(column)]
+        inputs[k] = known[-1] if len(known) else 0.0
+    step = float(f"{np.median(last.dt[1:]):.6g}") if len(last.t) > 1 else None
+    state = state_after(model, p, last) if len(model.states) else None
+    return _Begun("starts where the recordings end", inputs, state, step)
 
 
 def _check(out: Exported, path: Path) -> None:
@@ -102,7 +142,7 @@ def _identifier(name: str) -> str:
     return text if text[:1].isalpha() else f"Twin_{text}"
 
 
-def _collected(out: Exported, folder: Path) -> list[Path]:
+def _collected(out: Exported, begun: _Begun, folder: Path) -> list[Path]:
     """The description, and a copy of every file that the model is built from."""
     files: list[Path] = []
 
@@ -122,7 +162,8 @@ def _collected(out: Exported, folder: Path) -> list[Path]:
     content = {
         "name": out.name, "version": version.number, "hash": version.hash, "kind": out.kind,
         "options": with_files(out.options, packed), "form": version.form,
-        "names": version.names, "values": version.values,
+        "names": version.names, "values": version.values, "start": begun.state,
+        "inputs": begun.inputs, "step": begun.step,
         "low": [item.low for item in out.model.parameters],
         "high": [item.high for item in out.model.parameters],
         "editable": [item.editable for item in out.model.parameters],

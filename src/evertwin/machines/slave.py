@@ -4,6 +4,10 @@ The FMU holds a description of the model (``model.json``), the files that it is 
 script with a class derived from `TwinSlave`. It computes by evertwin itself, which therefore has to
 be installed in the Python that loads it. Inputs and outputs keep their names and units; the
 model's states are ``state.NAME`` with start values, parameters that tuning may change are tunable.
+Before the first step outputs are those of a row of no duration, as the first row of a recording is.
+
+PythonFMU 0.7 gives the namespace of the script back once more than it took it, for each instance:
+the second would find an empty module, or crash. So `TwinSlave` takes it as often.
 
 >>> TwinSlave.__name__
 'TwinSlave'
@@ -13,15 +17,23 @@ from __future__ import annotations
 
 import json
 import math
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
-from pythonfmu import Fmi2Causality, Fmi2Initial, Fmi2Slave, Fmi2Variability, Real
+from pythonfmu import (
+    DefaultExperiment,
+    Fmi2Causality,
+    Fmi2Initial,
+    Fmi2Slave,
+    Fmi2Variability,
+    Real,
+)
 
 from evertwin.machines.catalog import located, machine
 from evertwin.models import Model, Parameters
@@ -29,13 +41,33 @@ from evertwin.models.configured import configured
 from evertwin.models.corrected import build
 from evertwin.models.form import Form
 from evertwin.signals.units import conversion, powers
+from evertwin.types import Float64, StateVector
 
 DESCRIPTION = "model.json"
+_TAKEN: list[object] = []
+"""The namespaces of scripts, once an instance."""
+
+
+class Described(NamedTuple):
+    """What ``model.json`` says.
+
+    >>> Described.__name__
+    'Described'
+    """
+
+    model: Model
+    """With its parameter values."""
+    start: StateVector | None
+    """State that it starts from; None: the model's own."""
+    inputs: Float64[np.ndarray, " nu"]
+    """That it starts with."""
+    step: float | None
+    """Usual duration of a row [s]."""
 
 
 @cache
-def described_model(folder: Path) -> Model:
-    """The model that ``model.json`` in a folder describes, with its parameter values.
+def described(folder: Path) -> Described:
+    """The model that ``model.json`` in a folder describes.
 
     Raises:
         ModelError, UsageError: it cannot be built.
@@ -51,30 +83,47 @@ def described_model(folder: Path) -> Model:
         )
         for name, value, low, high, editable in rows
     ]  # fmt: skip
-    return configured(model, parameters=Parameters(tuple(items)))
+    start = None if content["start"] is None else np.array(content["start"])
+    made = configured(model, parameters=Parameters(tuple(items)))
+    return Described(made, start, np.array(content["inputs"], dtype=np.float64), content["step"])
 
 
 class TwinSlave(Fmi2Slave):  # type: ignore[misc]
-    """Derive from it, and set ``folder`` to where ``model.json`` lies."""
+    """Derive from it in a script that lies beside ``model.json``."""
 
-    folder: ClassVar[Path]
+    _namespace: ClassVar[dict[str, Any]] = {}
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        cls._namespace = vars(sys.modules[cls.__module__])
 
     def __init__(self, **options: Any) -> None:
         super().__init__(**options)
-        self.model = described_model(self.folder)
+        _TAKEN.append(self._namespace)
+        known = described(Path(self.resources))
+        self.model, self._start = known.model, known.start
+        if known.step is not None:
+            self.default_experiment = DefaultExperiment(step_size=known.step)
         self.p = self.model.parameters.values
-        self.u = np.zeros(len(self.model.inputs))
+        self.u = known.inputs.copy()
         self.y = np.zeros(len(self.model.outputs))
-        self.x = self.model.initial(self.p)
-        self._started = False
+        self.x = self._first()
+        self._started = self._stepped = False
         self._register()
+
+    def _first(self) -> StateVector:
+        """The state that it starts from, moved by what a parameter that was set moves it."""
+        own = self.model.initial(self.p)
+        if self._start is None:
+            return own
+        return self._start + (own - self.model.initial(self.model.parameters.values))
 
     def _register(self) -> None:
         model, causality = self.model, Fmi2Causality
         for k, name in enumerate(model.inputs.names):
             self._add(name, self.u, k, causality=causality.input)
         for k, name in enumerate(model.outputs.names):
-            self._add(name, self.y, k, causality=causality.output)
+            self._add(name, self.y, k, self._now, causality=causality.output)
         for k, item in enumerate(model.parameters):
             kind = Fmi2Variability.tunable if item.editable else Fmi2Variability.fixed
             self._add(item.name, self.p, k, causality=causality.parameter, variability=kind)
@@ -88,8 +137,19 @@ class TwinSlave(Fmi2Slave):  # type: ignore[misc]
                 nested=False,
             )  # fmt: skip
 
-    def _add(self, name: str, values: np.ndarray, k: int, **settings: Any) -> None:
+    def _now(self) -> None:
+        """Outputs before the first step: of a row without duration."""
+        if not self._stepped:
+            _, y = self.model.simulate(self.x, self.u[None, :], np.zeros(1), self.p)
+            self.y[:] = y[0]
+
+    def _add(
+        self, name: str, values: np.ndarray, k: int, before: Callable[[], None] | None = None,
+        **settings: Any,
+    ) -> None:  # fmt: skip
         def get() -> float:
+            if before is not None:
+                before()
             return float(values[k])
 
         def put(value: float) -> None:
@@ -104,20 +164,20 @@ class TwinSlave(Fmi2Slave):  # type: ignore[misc]
     def _set_state(self, k: int) -> Callable[[float], None]:
         def put(value: float) -> None:
             if not self._started:
-                self.x, self._started = self.model.initial(self.p), True
+                self.x, self._started = self._first(), True
             self.x[k] = value
 
         return put
 
     def exit_initialization_mode(self) -> None:
-        """Without start values the states are the model's own, at the parameters that were set."""
+        """States that were not set follow the parameters that were."""
         if not self._started:
-            self.x = self.model.initial(self.p)
+            self.x = self._first()
 
     def do_step(self, current_time: float, step_size: float) -> bool:
         """One row: the input held over the step, outputs at its end; False where it fails."""
         self.x, y = self.model.simulate(self.x, self.u[None, :], np.array([step_size]), self.p)
-        self._started = True
+        self._started = self._stepped = True
         self.y[:] = y[0]
         return bool(np.isfinite(y).all())
 

@@ -170,26 +170,33 @@ def climb_laws(setup: Setup, problem: Problem) -> tuple[Problem, Chosen]:
 
 def acting(chosen: Chosen, problem: Problem, fit: Fit) -> Chosen:
     """What is left of it once its numbers are tuned: a term whose numbers the rows do not tell, so
-    that they stay at zero, is none of the law."""
+    that they stay at zero, is none of the law; one that may as well be zero by its interval, or is
+    weak, is no cause that can be told."""
     if not chosen.taken:
         return chosen
     values = dict(zip(problem.model.parameters.names, fit.p.tolist(), strict=False))
     acts = {(r.output, r.name) for r in _rungs(problem.model) if any(values[n] for n in r.add)}
     kept = (tuple(n for n in some if (k, n) in acts) for k, some in enumerate(chosen.taken))
-    return _chosen(problem, tuple(kept), acts)
+    tuned = set(fit.names)
+    sure = {n for n in fit.identifiable if not fit.interval(n)[0] <= 0.0 <= fit.interval(n)[1]}
+    vague = {(r.output, r.name) for r in _rungs(problem.model)
+             if tuned.issuperset(r.add) and sure.isdisjoint(r.add)}  # fmt: skip
+    return _chosen(problem, tuple(kept), acts, vague)
 
 
 def _chosen(
-    problem: Problem, taken: tuple[tuple[str, ...], ...], others: Collection[tuple[int, str]]
-) -> Chosen:
+    problem: Problem, taken: tuple[tuple[str, ...], ...], others: Collection[tuple[int, str]],
+    vague: Collection[tuple[int, str]] = (),
+) -> Chosen:  # fmt: skip
     """The terms that were taken, and the law of these and of the ``others`` (output, term) that no
-    ladder tries."""
+    ladder tries; those that are ``vague`` are no causes."""
     model = problem.model
     assert isinstance(model, Laddered)
     joints = getattr(model, "joints", model.outputs.names)
     whole = [(*some, *(name for o, name in others if o == k)) for k, some in enumerate(taken)]
     laws = {joint: model.law_name(k, whole[k]) for k, joint in enumerate(joints)}
-    causes = {joint: _causes(problem, k, whole[k]) for k, joint in enumerate(joints)}
+    told = [[n for n in some if (k, n) not in vague] for k, some in enumerate(whole)]
+    causes = {joint: _causes(problem, k, told[k]) for k, joint in enumerate(joints)}
     return Chosen(laws, {joint: cause for joint, cause in causes.items() if cause}, taken)
 
 

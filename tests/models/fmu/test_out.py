@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import zipfile
 from pathlib import Path
 
@@ -91,6 +93,47 @@ def test_a_model_in_a_python_file_travels_along(tmp_path: Path) -> None:
     assert np.abs(kept - wanted).max() < 1e-9
     for made in (model, saved):
         made.close()
+
+
+OUTSIDE = """
+import sys
+from fmpy import simulate_fmu
+for path in sys.argv[1:]:
+    row = simulate_fmu(path, stop_time=3.0, output_interval=1.0)
+    print(*row["level"])
+    print(*simulate_fmu(path, start_values={"state.level": 2.0}, stop_time=1.0)["level"][:1])
+"""
+
+
+def outside(*paths: Path) -> list[list[float]]:
+    """What FMPy makes of FMUs, one after the other in one process."""
+    done = subprocess.run(
+        [sys.executable, "-c", OUTSIDE, *map(str, paths)], capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    return [[float(one) for one in line.split()] for line in done.stdout.splitlines()]
+
+
+def test_another_tool_begins_where_the_recordings_end(tmp_path: Path) -> None:
+    """The first row is the start, and the process takes it again and again."""
+    with twin_in(tmp_path, TANK) as twin:
+        rows = {"t": [0.0, 1.0, 2.0], "inflow": [0.0, 0.02, 0.02], "level": [0.4, 0.45, 0.5]}
+        note = twin.export(tmp_path / "seen.fmu", "fmu", data=rows).note
+        _, y = twin.model.simulate(
+            np.array([0.5]), np.full((3, 1), 0.02), np.ones(3), twin.champion.p
+        )
+    assert "starts where the recordings end" in note
+    seen, told, again, _ = outside(tmp_path / "seen.fmu", tmp_path / "seen.fmu")
+    np.testing.assert_allclose(seen, [0.5, *y[:, 0]], rtol=1e-9)
+    assert told == [2.0] and again == seen
+
+
+def test_what_has_to_be_set_is_said(tmp_path: Path) -> None:
+    with twin_in(tmp_path, TANK) as twin:
+        note = twin.export(tmp_path / "tank.fmu", "fmu").note
+    assert "no recordings say where it starts: set state.level (0), inflow (0)" in note
+    with zipfile.ZipFile(tmp_path / "tank.fmu") as archive:
+        assert "set state.level (0)" in archive.read("modelDescription.xml").decode()
 
 
 def test_what_cannot_be_written_is_said(tmp_path: Path) -> None:
