@@ -177,3 +177,26 @@ def test_a_store_that_fills_or_leaks_is_told_by_the_model_that_is_written(
     assert found.train[0].rms < 0.05
     told = found.fit.to_dict()["parameters"]["gain"]
     assert told["value"] == pytest.approx(0.3, rel=0.05)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_force_that_is_told_in_steps_drives_and_one_that_is_measured_does_not(
+    seed: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rng = np.random.default_rng(seed)
+    mass, speed, place, rows, noise = rng.uniform(0.5, 8.0), 0.0, 0.0, list[str](), list[str]()
+    for k, force in enumerate(np.repeat(rng.normal(0.0, 6.0, 80), 25)):
+        speed += (force - 2.0 * speed - 0.5 * np.tanh(speed / 0.005)) / mass * 0.02
+        place += speed * 0.02
+        told = f"{place + rng.normal(0.0, 1e-3):.5f},{speed + rng.normal(0.0, 5e-3):.5f}"
+        rows.append(f"{0.02 * k:.2f},{force:.4f},{told}")
+        noise.append(f"{0.02 * k:.2f},{force + rng.normal(0.0, 0.05):.4f},{told}")
+    for kind, table in (("drive", rows), ("drive_force", noise)):
+        path, out = tmp_path / f"{kind}.csv", tmp_path / f"{kind}.toml"
+        path.write_text("\n".join(["t [s],force [N],pos [m],vel [m/s]", *table]) + "\n")
+        write_starter([path], out, ("", None), force=False, as_json=False)
+        capsys.readouterr()
+        assert f'kind = "{kind}"' in out.read_text()
+    with Twin.open(tmp_path / "drive.toml") as twin:
+        numbers = twin.fit().fit.to_dict()["parameters"]
+    assert numbers["mass"]["value"] == pytest.approx(mass, rel=0.05)

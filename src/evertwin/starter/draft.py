@@ -201,8 +201,8 @@ class Draft:
     @property
     def spread(self) -> tuple[float, str]:
         """How far the first output that is judged moves, without its rarest twentieths, and the
-        unit; 0 where no column says it. A base goes as far as it likes: what it moves in a
-        prediction."""
+        unit; 0 where no column says it. What is driven goes as far as it likes: what it moves in
+        a prediction."""
         names = self.judged if self.model is not None else ("y",)
         match = next((m for m in self.proposal.matches if m.channel in names), None)
         if match is None or match.column == ASK:
@@ -210,7 +210,7 @@ class Draft:
         seen = self.seen[match.source]
         values = seen.values(match.column)
         rows = round(self.horizon / (self.period or self.horizon))
-        if self._base and len(values) > rows:
+        if (self._base or self.kind == "drive") and len(values) > rows:
             values = values[rows:] - values[:-rows]
         values = values[np.isfinite(values)]
         size = float(np.ptp(np.quantile(values, (0.05, 0.95)))) if len(values) else 0.0

@@ -15,6 +15,7 @@ import numpy as np
 from evertwin.machines.catalog import machine
 from evertwin.sources.description import ColumnInfo
 from evertwin.starter.axes import by_axis
+from evertwin.starter.draft import EFFORTS
 from evertwin.starter.mapping import mapped
 from evertwin.starter.named import unit_of
 from evertwin.starter.proposal import Match, Proposal
@@ -56,7 +57,7 @@ def kind_of(seen: Sequence[Seen]) -> str:
         return "thermal"
     axes = by_axis(seen)
     if len(axes) <= _AXES and all(_is_driven(part) for _, part in axes):
-        return "drive_force"
+        return "drive" if all(_is_told(part) for _, part in axes) else "drive_force"
     return "robot1d" if _goes(columns) else "python"
 
 
@@ -122,6 +123,21 @@ def _is_driven(seen: Sequence[Seen]) -> bool:
     return one and places <= 1 and speeds <= 1 and places + speeds > 0
 
 
+def _is_told(seen: Sequence[Seen]) -> bool:
+    """Is the effort told in steps, which hold while the motion goes on? One that is measured, or
+    that a controller sets, is another at every row."""
+    columns = [(quantity(words(c.name), c.unit), seen[s].values(c.name)) for s, c in _varying(seen)]
+    efforts = [values for what, values in columns if what in EFFORTS]
+    places = [values for what, values in columns if what == "position"]
+    return len(efforts) == 1 and any(
+        len(place) == len(efforts[0])
+        and np.mean((np.diff(efforts[0]) == 0.0) & (np.diff(place) != 0.0)) > _HOLDS
+        for place in places
+    )
+
+
+_HOLDS = 0.7
+"""Share of rows at which what is told in steps is as before, and what it moves is not."""
 _FLOWING = ((_FLOW, "flow"), (_PRESSURE, "pressure"))
 
 

@@ -23,14 +23,14 @@ def options_of(kind: str, urdf: Path | None, own: Path) -> Sequence[dict[str, An
     """Options of the model; several to choose from by what the columns answer.
 
     >>> options_of("drive", None, Path("model.py"))
-    [{}, {'rotary': True}]
+    [{}, {'rotary': True, 'law': 'sign+spring+balance'}]
     """
     if urdf is not None and kind != "arm":
         raise UsageError(f"--urdf is for --model arm, got --model {kind}")
     if kind == "python":
         return [{"file": own.name, "name": "model"}]
     if kind == "drive":
-        return [{}, {"rotary": True}]
+        return [{}, {"rotary": True, "law": "sign+spring+balance"}]
     if kind == "drive_force":  # of the place, where one is recorded; of an angle what repeats
         law = "sign+direction+two_sided+stribeck+root"
         slides, turns = f"{law}+spring", f"{law}+position+spring+balance"
