@@ -166,11 +166,15 @@ def _serve() -> None:
 
     for name in (
         "evertwin.app.commands", "evertwin.app.engineering", "evertwin.app.exporting",
-        "evertwin.app.prognosis", "evertwin.app.starting", "evertwin.sources.bags", "h5py",
-        "mcap.reader", "pandas", "pyarrow.parquet", "rosbags.highlevel", "scipy.io", "tomlkit",
-        "tests.edge.readers",
+        "evertwin.app.prognosis", "evertwin.app.starting", "evertwin.machines.mobile.kernels",
+        "evertwin.sources.bags", "h5py", "mcap.reader", "pandas",
+        "pyarrow.parquet", "rosbags.highlevel", "scipy.io", "tomlkit", "tests.edge.readers",
     ):  # fmt: skip
         importlib.import_module(name)
+    from evertwin.signals.units import compatible
+
+    importlib.import_module("numba").njit("int64(int64)")(lambda number: number)  # its targets
+    compatible("furlong", "m")  # the registry of units
     gc.collect()
     gc.freeze()  # else a child's first collection copies all that it shares
     for line in sys.stdin:

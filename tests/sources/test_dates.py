@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from evertwin.errors import DataError
+from evertwin.sources.cells import Cell
 from evertwin.sources.info import inspect
-from evertwin.sources.recorded import Cell, Clock, Recorded
+from evertwin.sources.recorded import Clock, Recorded
 
 FIRST = datetime(2025, 1, 13, 8, 59, 58)
 SECOND = 10**9

@@ -10,7 +10,8 @@ import pytest
 from evertwin.app.starting import write_starter
 from evertwin.config import read
 from evertwin.sources import inspect
-from evertwin.sources.recorded import Cell, Clock, Recorded
+from evertwin.sources.cells import Cell
+from evertwin.sources.recorded import Clock, Recorded
 
 START = 1_716_799_999
 TWIST = ("twist.twist.linear.x", "twist.twist.angular.z")

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from evertwin.errors import DataError, UsageError
+from evertwin.sources.cells import Cell
 from evertwin.sources.dialect import Stated
-from evertwin.sources.recorded import Cell, Clock, Recorded
+from evertwin.sources.recorded import Clock, Recorded
 
 
 def values(path: Path, stated: Stated, column: int = 1, kind: str = "auto") -> list[float]:

@@ -12,7 +12,8 @@ from evertwin.app.starting import write_starter
 from evertwin.config import read
 from evertwin.errors import ConfigError
 from evertwin.machines.mobile import Omni
-from evertwin.sources.recorded import Cell, Recorded
+from evertwin.sources.cells import Cell
+from evertwin.sources.recorded import Recorded
 
 ROWS, STEP = 1200, 0.1
 

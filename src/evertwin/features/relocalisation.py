@@ -122,20 +122,29 @@ def through(views: Sequence[View], pose: Float64[np.ndarray, " 3"], chart: Occup
         way = np.minimum(steps[None, :], np.maximum(length - NEAR, 0.0)[:, None])[..., None]
         ahead = (off / np.maximum(length, 1e-9)[:, None])[:, None]
         aside = cell * ahead[..., ::-1] * [-1.0, 1.0]
-        met = [_cells(middle, at[:2] + way * ahead + k * aside, chart) for k in (-1, 0, 1)]
+        places = [_places(at[:2] + way * ahead + k * aside, chart) for k in (-1, 0, 1)]
+        met = [_there(middle, place) for place in places]
         behind = np.logical_or.accumulate(met[1], axis=1)
-        behind &= _cells(clear, at[:2] + way * ahead, chart)
+        behind &= _there(clear, places[1])
         through_all = np.all([one.any(axis=1) for one in (*met, behind)], axis=0)
         count, passed = count + len(off), passed + int(through_all.sum())
     return passed / count if count else 0.0
 
 
-def _cells(values: np.ndarray, at: np.ndarray, chart: Occupancy) -> np.ndarray:
-    """What is in the cells of some places (…, 2); False outside."""
-    cell = np.floor((at - np.array(chart.origin)) / chart.resolution).astype(np.int64)
-    inside = ((cell >= 0) & (cell < values.shape[::-1])).all(axis=-1)
-    cell = np.where(inside[..., None], cell, 0)
-    return np.asarray(inside & values[cell[..., 1], cell[..., 0]])
+def _places(at: np.ndarray, chart: Occupancy) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Which of some places (…, 2) lie in the map, and the rows and columns of their cells."""
+    column, row = (
+        np.floor((at[..., k] - chart.origin[k]) / chart.resolution).astype(np.int64) for k in (0, 1)
+    )
+    rows, columns = chart.cells.shape
+    inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
+    return inside, np.where(inside, row, 0), np.where(inside, column, 0)
+
+
+def _there(values: np.ndarray, places: tuple[np.ndarray, np.ndarray, np.ndarray]) -> np.ndarray:
+    """What is in the cells of places; False outside."""
+    inside, row, column = places
+    return np.asarray(inside & values[row, column])
 
 
 def stray(views: Sequence[View], pose: Float64[np.ndarray, " 3"], chart: Occupancy) -> float:

@@ -169,11 +169,13 @@ def _helps(rows: Rows, one: Reading, first: int = 0) -> bool:
     places = np.flatnonzero(rows.scored(first) & np.isfinite(rows.before).any(axis=1))[:FEW]
     if not len(places):
         return False
-    after = rows.under(one, rows.changed(first, int(places[-1]) + 1, one.undone))
-    here = np.zeros(rows.count, dtype=np.bool_)
-    here[places] = True
-    known = here[:, None] & np.isfinite(after) & np.isfinite(rows.before)
-    return rows.total(after, known) < HALF * rows.total(rows.before, known)
+    stop = int(places[-1]) + 1
+    near, off = rows.of(first, stop)
+    after = near.under(one, near.changed(first - off, stop - off, one.undone))
+    here = np.zeros(near.count, dtype=np.bool_)
+    here[places - off] = True
+    known = here[:, None] & np.isfinite(after) & np.isfinite(near.before)
+    return near.total(after, known) < HALF * near.total(near.before, known)
 
 
 def _tears(rows: Rows, one: Reading, first: int) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -195,6 +195,20 @@ class Rows:
         is off by half a turn at most in whatever unit it was recorded."""
         outputs = self.setup.model.outputs
         return np.where(outputs.angles, 1.0, one.factors[len(self.setup.model.inputs) :])
+
+    def of(self, first: int, stop: int) -> tuple[Rows, int]:
+        """Enough of them to predict rows [first, stop) from, and the position of the first of
+        these: of a map that nothing is filtered for those rows alone."""
+        if len(self.whole.model.states) or self.whole.filter is not None:
+            return self, 0
+        windows, at = list[Block](), 0
+        for window in self.windows:
+            a, b = (min(max(edge - at, 0), len(window.t)) for edge in (first, stop))
+            at += len(window.t)
+            windows += [take(window, a, b)] if a < b else []
+        some = replace(self, windows=tuple(windows), given=self.sizes)
+        some.__dict__["before"] = self.before[first:stop]
+        return some, first
 
     def changed(self, first: int, stop: int, change: Callable[[Block], Block]) -> Windows:
         """The windows, with rows [first, stop) changed."""

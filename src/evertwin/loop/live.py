@@ -41,8 +41,8 @@ from evertwin.outcome.open_trial import OpenTrial, open_trial
 from evertwin.outcome.result import OutputFigures, RunResult
 from evertwin.outcome.view import View
 from evertwin.rows.alignment import Alignment, AlignmentState
+from evertwin.rows.by_name import ByName
 from evertwin.rows.feed import Feed as Recorded
-from evertwin.rows.given import samples as samples_of
 from evertwin.rows.given import tabled
 from evertwin.rows.rate import ENOUGH, rate_of
 from evertwin.rows.samples import Numbered
@@ -111,6 +111,8 @@ class Live:
     """The run that was cut off and goes on."""
     _first: int = field(default=1, init=False)
     """Number of the run's first sample in the store."""
+    _by_name: ByName | None = field(default=None, init=False)
+    """Reads what is pushed as columns by name."""
     _began: float = field(default_factory=time.perf_counter, init=False)
 
     def __post_init__(self) -> None:
@@ -227,7 +229,8 @@ class Live:
         if len(self.feeds) != 1:
             names = ", ".join(feed.name for feed in self.feeds)
             raise DataError(f"columns by name: expected one source, there are {names}: push chunks")
-        return samples_of(self.setup.spec, self.setup.model, columns, self.feeds[0])
+        self._by_name = self._by_name or ByName(self.setup.spec, self.setup.model, self.feeds[0])
+        return self._by_name(columns)
 
     def _align(self, chunk: Chunk) -> None:
         self._aligned, block, events = self._alignment.step(self._aligned, chunk)

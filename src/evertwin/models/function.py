@@ -111,6 +111,18 @@ class FunctionModel:
         names = self.states.names
         return tuple((i, names.index(n)) for i, n in enumerate(self.outputs.names) if n in names)
 
+    @cached_property
+    def _in_si(self) -> bool:
+        sides = (self.states, self.inputs, self.outputs)
+        return all(side.stated is None for side in sides)
+
+    def _stated(self, x: StateVector, u: Vector) -> tuple[Any, Any]:
+        return self.states.to_stated(x), self.inputs.to_stated(u)
+
+    @cached_property
+    def _shapes(self) -> tuple[tuple[int], tuple[int]]:
+        return (len(self.states),), (len(self.outputs),)
+
     def simulate(self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector) -> Rollout:
         """State after the last row and the outputs of every row.
 
@@ -132,24 +144,29 @@ class FunctionModel:
             ModelError: the function raised something, or gave NaN, or another number of states or
                 outputs than declared.
         """
+        state, inputs = (x, u) if self._in_si else self._stated(x, u)
         try:
-            given: Any = self.step(self.states.to_stated(x), self.inputs.to_stated(u), dt, p)
+            given: Any = self.step(state, inputs, dt, p)
         except Exception as error:  # it is the user's code
             raise raised(self.step, error) from error
-        wanted = len(self.states), len(self.outputs)
         try:
-            ahead, y = (np.asarray(one, dtype=np.float64) for one in given)
+            ahead, y = given
+            ahead, y = np.asarray(ahead, dtype=np.float64), np.asarray(y, dtype=np.float64)
         except (TypeError, ValueError) as error:
             raise ModelError(
                 "step: expected two lists of numbers, the states ahead and the outputs, got "
                 f"{given!r:.60}"
             ) from error
-        if (ahead.shape, y.shape) != tuple((size,) for size in wanted):
+        if (ahead.shape, y.shape) != self._shapes:
             raise ModelError(
-                f"step: expected {wanted[0]} states and {wanted[1]} outputs, "
+                f"step: expected {len(self.states)} states and {len(self.outputs)} outputs, "
                 f"got {_size(ahead)} and {_size(y)}"
             )
-        check_numbers(self.step, (x, u, p), ((self.states, ahead), (self.outputs, y)))
+        total = sum(ahead.tolist(), sum(y.tolist()))
+        if total != total:  # NaN, or infinities that cancel
+            check_numbers(self.step, (x, u, p), ((self.states, ahead), (self.outputs, y)))
+        if self._in_si:
+            return ahead, y
         return self.states.from_stated(ahead), self.outputs.from_stated(y)
 
     def observe(self, x: StateVector, y: Float64[np.ndarray, " ny"]) -> StateVector:

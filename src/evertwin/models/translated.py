@@ -72,9 +72,11 @@ class Translated(FunctionModel):
     @cached_property
     def _kernel(self) -> Kernel:
         assert isinstance(self.step, FunctionType)
-        step = _written(
-            self.step, _step_source(self), "compiled_step", {"model": _prepared(self.step)}
-        )
+        finish = _written(self.step, _finish_source(self), "compiled_finish", {})
+        space = {
+            "model": _prepared(self.step), "finish": Function(finish, {"cache": True, **OPTIONS})
+        }  # fmt: skip
+        step = _written(self.step, _step_source(self), "compiled_step", space)
         adopt = _written(self.step, _observe_source(self._adopts), "compiled_observe", {})
         calls = CFunction(step, STEP, OPTIONS), CFunction(adopt, OBSERVE, {})
         kept = np.zeros(1 + sum(_sizes(self)), dtype=np.int64)
@@ -245,45 +247,58 @@ def _compiled(tree: ast.Module, of: FunctionType, space: dict[str, Any], name: s
     return made
 
 
-def _step_source(model: FunctionModel) -> str:
-    """The compiled signature around ``model``, which computes in the units that it states."""
-    nx, ny, n_p = len(model.states), len(model.outputs), len(model.parameters)
+def _finish_source(model: FunctionModel) -> str:
+    """What ``model`` gives, in SI, and a return code; apart from the step, in whose `try` each
+    operation would be a branch, and compiling takes its time by their square."""
+    nx, ny = len(model.states), len(model.outputs)
     values = [f"ahead[{i}]" for i in range(nx)] + [f"y[{i}]" for i in range(ny)]
     given = [f"new[{i}]" for i in range(nx)] + [f"out[{i}]" for i in range(ny)]
     si = [_unless_si(model.states, i, "{0} * {1} + {2}", one) for i, one in enumerate(given[:nx])]
     si += [_unless_si(model.outputs, i, "{0} * {1} + {2}", one) for i, one in enumerate(given[nx:])]
-    finite = " and ".join(f"math.isfinite({value})" for value in given) or "True"
-    lost = " or ".join(f"{value} != {value}" for value in given) or "False"
-    lines = [f"        {value} = {one}" for value, one in zip(values, si, strict=True)]
+    finite = " & ".join(f"math.isfinite({value})" for value in given) or "True"
+    lost = " | ".join(f"({value} != {value})" for value in given) or "False"
+    sound = " & ".join(f"(abs({one}) < {HUGE})" for one in _row_of(model)) or "True"
+    return "\n".join([
+        "def compiled_finish(new, out, x, u, p, ahead, y):",
+        f"    if len(new) != {nx} or len(out) != {ny}:",
+        f"        return {RAISED}",
+        f"    if {finite}:",
+        *[f"        {value} = {one}" for value, one in zip(values, si, strict=True)],
+        "        return 0",
+        f"    if ({lost}) and ({sound}):",
+        f"        return {RAISED}",
+        "    return 1",
+    ])  # fmt: skip
+
+
+def _row_of(model: FunctionModel) -> list[str]:
+    """All that a row depends on, but for its interval."""
+    return [f"{name}[{i}]" for name, size in zip("xup", _sizes(model)[1:]) for i in range(size)]
+
+
+def _step_source(model: FunctionModel) -> str:
+    """The compiled signature around ``model``, which computes in the units that it states."""
     stated = "({0} - {2}) / {1}"
     taken = {
-        "x": [_unless_si(model.states, i, stated, f"x[{i}]") for i in range(nx)],
+        "x": [_unless_si(model.states, i, stated, f"x[{i}]") for i in range(len(model.states))],
         "u": [_unless_si(model.inputs, i, stated, f"u[{i}]") for i in range(len(model.inputs))],
-        "p": [f"p[{i}]" for i in range(n_p)],
+        "p": [f"p[{i}]" for i in range(len(model.parameters))],
     }
-    row = [f"{name}[{i}]" for name in "xup" for i in range(len(taken[name]))]
-    sound = " and ".join(f"abs({one}) < {HUGE}" for one in row) or "True"
     return "\n".join([
         "def compiled_step(context, x, u, dt, p, ahead, y):",
         *[f"    {name}_ = np.array([{', '.join(of)}], dtype=np.float64)" if of
           else f"    {name}_ = np.empty(0)" for name, of in taken.items()],
-        f"    failed = {RAISED}",
         "    try:",
         "        new, out = model(x_, u_, dt, p_)",
-        f"        if len(new) == {nx} and len(out) == {ny}:",
-        "            failed = 1",
-        f"            if {finite}:",
-        "                failed = 0",
-        *["        " + line for line in lines],
-        f"            elif ({lost}) and {sound}:",
-        f"                failed = {RAISED}",
+        "        failed = finish(new, out, x, u, p, ahead, y)",
         "    except Exception:",
         f"        failed = {RAISED}",
         f"    if failed == {RAISED} and context[0] == 0:",
         "        context[0] = 1",
-        f"        row = np.array([{', '.join(['dt', *row])}], dtype=np.float64).view(np.int64)",
-        "        for k in range(len(row)):",
-        "            context[1 + k] = int(row[k])",
+        f"        row = np.array([{', '.join(['dt', *_row_of(model)])}], dtype=np.float64)",
+        "        bits = row.view(np.int64)",
+        "        for k in range(len(bits)):",
+        "            context[1 + k] = int(bits[k])",
         "    return failed",
     ])  # fmt: skip
 

@@ -21,24 +21,19 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from evertwin.config import TwinSpec
 from evertwin.errors import DataError, UsageError
-from evertwin.fold import Block, Chunk
+from evertwin.fold import Block
 from evertwin.models import Model
 from evertwin.rows.alignment import recorded_for
 from evertwin.rows.channels import recorded_as
 from evertwin.signals.units import conversion_of
 from evertwin.sources.dates import ORDERS
 from evertwin.sources.in_memory import InMemory, in_memory
-from evertwin.sources.recorded import Recorded
 from evertwin.sources.spec import ChannelSpec, SourceSpec, TimeSpec
 from evertwin.sources.stamps import UNITS
 from evertwin.sources.table import Column, Recording, Table
-from evertwin.sources.tally import order_of_rows
 from evertwin.sources.time_unit import EPOCH, guess
-from evertwin.sync import Feed
 
 COLUMNS = "columns"
 """Name of the source of columns that were given by name."""
@@ -111,26 +106,6 @@ def unknown(data: object) -> str:
         f"list of these, got {kind}: "
         + ("give its path" if hasattr(data, "read") else "name its columns, with the time as 't'")
     )
-
-
-def samples(spec: TwinSpec, model: Model, data: Any, feed: Feed) -> Chunk:
-    """A table, or one row of it as numbers by name, as samples of the one source ``feed``.
-
-    Raises:
-        DataError: a column lacks, a row has no stamp, or the rows are not in order.
-        UsageError: it is no table.
-    """
-    held = tabled(spec, model, data)
-    channels = list(held.source.channels)
-    lacking = [name for name in feed.channels if name not in channels]
-    if lacking:
-        there = ", ".join(c.name for c in held.recordings[0].tables[0].columns)
-        raise DataError(f"columns: expected {', '.join(lacking)} too, got {there}")
-    read = Recorded.of(held.source, held.recordings).samples()
-    if unsorted := order_of_rows(read.t):
-        raise DataError(f"samples: {unsorted}")
-    order = [channels.index(name) for name in feed.channels]
-    return Chunk(feed.name, read.t, np.ascontiguousarray(read.v[:, order]))
 
 
 def tabled(spec: TwinSpec, model: Model, data: Any) -> Given:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from evertwin.surface import surface
 
 if TYPE_CHECKING:
+    from evertwin.sources.cells import Cell as Cell
     from evertwin.sources.contract import Source as Source, check_source as check_source
     from evertwin.sources.description import (
         ColumnInfo as ColumnInfo,
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from evertwin.sources.info import inspect as inspect
     from evertwin.sources.info_text import render as render
     from evertwin.sources.merging import merge as merge
-    from evertwin.sources.recorded import Cell as Cell, Clock as Clock, Recorded as Recorded
+    from evertwin.sources.recorded import Clock as Clock, Recorded as Recorded
     from evertwin.sources.recording import open_recording as open_recording
     from evertwin.sources.table import (
         Column as Column,

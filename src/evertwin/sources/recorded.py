@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import AsyncIterator, Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple, TypeAlias
@@ -26,8 +27,7 @@ import numpy as np
 from evertwin.errors import DataError, UsageError
 from evertwin.fold import Chunk
 from evertwin.fold.block import LARGEST
-from evertwin.signals import conversion
-from evertwin.signals.whole_steps import whole_steps
+from evertwin.sources.cells import Cell, InSi
 from evertwin.sources.dates import ORDERS
 from evertwin.sources.dialect import FOUND, Stated
 from evertwin.sources.empty_cells import EmptyCells
@@ -48,32 +48,6 @@ FORMATS = {
     "mcap": ("mcap",), "bag": ("ros1", "ros2"), "numpy": ("npy", "npz"), "carmen": ("carmen",),
 }  # fmt: skip
 """Name in a twin file to the kinds of file that it means."""
-
-
-@dataclass(frozen=True)
-class Cell:
-    """Where a channel comes from.
-
-    >>> Cell("q1", 1, "deg").scale
-    1.0
-    """
-
-    channel: str
-    column: str | int
-    """Name, or position from 0."""
-    unit: str
-    """Unit of the cell after scale and offset."""
-    scale: float = 1.0
-    offset: float = 0.0
-    sentinels: tuple[float, ...] = ()
-    """Raw cells that mean "no measurement", such as -9999 or 65535."""
-    step: float = 0.0
-    """What is no whole number of these is cut towards 0; 0: nothing is."""
-
-    def __post_init__(self) -> None:
-        conversion(self.unit)
-        if not (np.isfinite([self.scale, self.offset]).all() and self.scale):
-            raise UsageError(f"{self.channel}: expected a finite scale other than 0 and an offset")
 
 
 @dataclass(frozen=True)
@@ -137,6 +111,11 @@ class Recorded:
             spec.name, files, tuple(cells), clock, spec.task, tally, stated, spec.format,
             tuple(spec.where.values()),
         )  # fmt: skip
+
+    @cached_property
+    def in_si(self) -> InSi:
+        """What makes SI values of its cells."""
+        return InSi.of(self.cells)
 
     def open(self) -> None:
         """Check that every file holds the columns.
@@ -301,16 +280,8 @@ class Recorded:
         return np.where(known, t + self.clock.offset, t)
 
     def _si(self, out: Guarded, file: str) -> Outputs:
-        si = np.empty((len(out.t), len(self.cells)))
-        for j, cell in enumerate(self.cells):
-            factor, zero = conversion(cell.unit)
-            value = whole_steps(out.v[:, j] * cell.scale + cell.offset, cell.step)
-            si[:, j] = value * factor + zero
-        absurd = np.abs(si) > LARGEST
-        for j, cell in enumerate(self.cells):
-            sentinel = np.isin(out.v[:, j], cell.sentinels)
-            si[sentinel, j], absurd[sentinel, j] = np.inf, False
-        self._count(out, absurd, file)
+        si, none = self.in_si(out.v)
+        self._count(out, (np.abs(si) > LARGEST) & ~none, file)
         return si
 
     def _count(self, out: Guarded, absurd: Bool[np.ndarray, "n k"], file: str) -> None:

@@ -60,6 +60,15 @@ def seconds_of(unit: str) -> float | None:
     return float(_LONG[unit]) if unit in _LONG else None
 
 
+def is_decimal(unit: str) -> bool:
+    """Are stamps in this unit numbers that it alone tells how to read?
+
+    >>> is_decimal("ms"), is_decimal("iso"), is_decimal("auto")
+    (True, False, False)
+    """
+    return unit in UNITS or unit in _LONG
+
+
 def to_ns(raw: np.ndarray, unit: str) -> Stamps:
     """Nanoseconds of a raw column of time; `NO_STAMP` where a cell holds none.
 
@@ -80,7 +89,7 @@ def to_ns(raw: np.ndarray, unit: str) -> Stamps:
     if unit in ORDERS:
         cells = (_date(bytes(cell), unit, i) for i, cell in enumerate(raw.tolist()))
         return np.array(list(cells), dtype=np.int64)
-    if unit not in UNITS and unit not in _LONG:
+    if not is_decimal(unit):
         known = ", ".join([*UNITS, *_LONG, *ORDERS])
         raise UsageError(f"time unit: expected one of {known}; got {unit!r}")
     power, seconds = UNITS.get(unit, 9), _LONG.get(unit, 1)

@@ -29,6 +29,8 @@ ROWS = 300
 """Rows that the changes are tried on."""
 MOST = 3
 """Changes named at most."""
+KEPT = 64
+"""Answers that are kept with a model."""
 
 
 def advise(
@@ -46,6 +48,20 @@ def advise(
     seen = u[np.isfinite(u).all(axis=1)][:: max(1, len(u) // ROWS)]
     if not len(seen):
         return ()
+    # asked again and again, as one hypothesis after the other changes what was measured
+    known = getattr(model, "__dict__", {}).setdefault("_advice", {})
+    key = (*names, seen.tobytes(), wider, least)
+    found: tuple[str, ...] | None = known.get(key)
+    if found is None:
+        if len(known) >= KEPT:
+            known.clear()
+        known[key] = found = _advised(model, names, seen, wider, least)
+    return found
+
+
+def _advised(
+    model: Model, names: Sequence[str], seen: Inputs, wider: float, least: float
+) -> tuple[str, ...]:
     rows = _sensitivity(model, names, seen)
     said: list[str] = []
     options = {text: _sensitivity(model, names, v) for text, v in _changes(model, seen, wider)}

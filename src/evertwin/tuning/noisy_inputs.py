@@ -19,6 +19,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from evertwin.models.batch import mapped
 from evertwin.tuning.problem import Problem
 from evertwin.types import Bool, Bools, Inputs, Outputs, PerOutput, Vector
 
@@ -82,6 +83,9 @@ def white(u: Inputs, follows: Bools) -> Vector:
 
 def _predicted(problem: Problem, values: Vector, u: Inputs) -> Outputs:
     """Filtered predictions at other inputs."""
+    if problem.linear:  # without a column of what could be tuned
+        y = mapped(problem.model, u, problem.rows.dt, problem.full(values))
+        return np.asarray(problem.smooth(y))
     stops = np.cumsum([len(window.t) for window in problem.windows])
     parts = zip(problem.windows, np.split(u, stops[:-1]), strict=True)
     windows = tuple(window._replace(u=part) for window, part in parts)

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Literal, TypeAlias
 
@@ -45,6 +45,7 @@ from evertwin.tuning.before import Begins, begins
 from evertwin.tuning.closed import Reduced, dense, slots
 from evertwin.tuning.far import far_runs
 from evertwin.tuning.hidden_starts import Recording, starting
+from evertwin.tuning.newest import Newest
 from evertwin.tuning.recordings import extended
 from evertwin.tuning.rows import Filter, Rows, joined, prepared, smooth
 from evertwin.tuning.sensitivity import Sensitivity
@@ -97,6 +98,7 @@ class Problem:
     """Of the nonlinear search, unless `solve` is given others."""
     before: tuple[Block, ...] = ()
     """What is known of recordings that windows are cut from: they begin where it came to."""
+    _newest: Newest = field(default_factory=Newest, init=False, repr=False)
 
     def __post_init__(self) -> None:
         ny = len(self.model.outputs)
@@ -226,10 +228,10 @@ class Problem:
 
     def predict(self, values: Vector) -> Outputs:
         """Filtered predictions of all rows, (n, ny); NaN where the model gave none."""
-        return self.predictions([values])[0]
+        return self._newest.at(values, lambda point: self.predictions([point])[0])
 
     def predictions(self, points: Sequence[Vector]) -> list[Outputs]:
-        """`predict` at several points at once."""
+        """`predict` at several points at once; each is simulated."""
         if self.linear or self._rowwise:
             return [self._linear_prediction(values) for values in points]
         p = np.stack([self.full(values) for values in points])
@@ -290,8 +292,9 @@ class Problem:
         """`residuals` at several points at once."""
         if self.linear:
             return [self.reduced.residual(values) for values in points]
-        angles = self.model.outputs.angles
-        return [wrap(self.rows.y - y, angles) for y in self.predictions(points)]
+        angles, one = self.model.outputs.angles, len(points) == 1
+        found = [self.predict(points[0])] if one else self.predictions(points)
+        return [wrap(self.rows.y - y, angles) for y in found]
 
     def jacobian(self, values: Vector) -> Float64[np.ndarray, "n ny k"]:
         """Sensitivity of the filtered predictions to the tuned parameters, (n, ny, k).

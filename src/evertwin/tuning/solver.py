@@ -15,6 +15,7 @@ import scipy
 from evertwin.errors import DataError, ModelError
 from evertwin.models.batch import is_native
 from evertwin.models.corrected import Corrected
+from evertwin.signals import wrap
 from evertwin.tuning.assemble import Outcome, assemble, noise_of, sizes_of, squares
 from evertwin.tuning.closed import ClosedForm
 from evertwin.tuning.fit import Fit
@@ -159,9 +160,10 @@ def _check_repeats(problem: Problem) -> None:
     Raises:
         ModelError: the same rows are simulated otherwise the second time.
     """
-    if is_native(problem.batch.kernel):
+    if problem.linear or is_native(problem.batch.kernel):
         return
-    again = np.abs(problem.residuals(problem.start) - problem.first)
+    again = problem.rows.y - problem.predictions([problem.start])[0]
+    again = np.abs(wrap(again, problem.model.outputs.angles) - problem.first)
     if (again > 0.0).any():
         row, k = np.unravel_index(int(np.nanargmax(again)), again.shape)
         output = problem.model.outputs.channels[int(k)]
