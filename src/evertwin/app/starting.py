@@ -110,7 +110,7 @@ def _write(draft: Draft, force: bool) -> dict[str, Any]:
     out, own = draft.out, _own(draft.out)
     write_whole(out, draft.text())
     if draft.model is None and (force or not own.exists()):
-        write_whole(own, own_model(draft.seen, draft.proposal.matches))
+        write_whole(own, own_model(draft.seen, draft.proposal.matches, draft.period))
     if not draft.questions:  # else the file holds a question, which no reader takes
         model_of(read(out))
     return {

@@ -26,15 +26,16 @@ def pump_model(seen: Sequence[Seen], found: Sequence[Match]) -> str:
     return template
 
 
-def own_model(seen: Sequence[Seen], found: Sequence[Match]) -> str:
-    """The file's text, in the SI units of what drives and what answers; 1 where nobody says."""
+def own_model(seen: Sequence[Seen], found: Sequence[Match], period: float | None) -> str:
+    """The file's text, in the SI units of what drives and what answers; 1 where nobody says. Rows
+    without stamps are ``period`` [s] apart."""
     units = {match.channel: si_unit(match.unit) for match in found}
     u, y = (units.get(name, "1") for name in ("u", "y"))
     text = _template("model.py.txt").replace("<u>", u).replace("<y>", y)
     per = f"({u})" if set(u) & set("/* ") else u
     for name, unit in (("gain", y if u == "1" else f"{y}/{per}"), ("constant", y)):
         text = text.replace(f"<{name}>", f"{unit}/s")
-    start = _start({match.channel: match for match in found}, seen)
+    start = _start({match.channel: match for match in found}, seen, period)
     for name, value in zip(start._fields, start, strict=True):
         most = 10.0 ** math.ceil(math.log10(max(abs(value), 1.0)) + 3)
         text = text.replace(f"<{name} start>", f"{value:.3g}")
@@ -42,13 +43,16 @@ def own_model(seen: Sequence[Seen], found: Sequence[Match]) -> str:
     return text
 
 
-def _start(found: Mapping[str, Match], seen: Sequence[Seen]) -> Store:
+def _start(found: Mapping[str, Match], seen: Sequence[Seen], period: float | None) -> Store:
     """Where the numbers of the store start from."""
     told = [found[name] for name in ("u", "y") if name in found and found[name].column != ASK]
-    t = seen[told[0].source].t if len({one.source for one in told}) == 1 else None
-    if t is None or len(told) < 2:
+    if len(told) < 2 or told[0].source != told[1].source:
         return UNKNOWN
-    return guess_store(t, *(_in_si(seen[one.source], one) for one in told))
+    u, y = (_in_si(seen[one.source], one) for one in told)
+    t = seen[told[0].source].t
+    if t is None and period is not None:
+        t = period * np.arange(len(y))
+    return UNKNOWN if t is None else guess_store(t, u, y)
 
 
 def _in_si(seen: Seen, match: Match) -> Vector:
