@@ -145,10 +145,15 @@ def _resisting(parameters: Parameters, held: dict[str, str]) -> Parameters:
     )
 
 
+_LEAST = 1e-100
+"""Noise whose square is still a number."""
+
+
 def _lost(free: Fit, held: Fit) -> float:
     """Share of the first deviation that only the free numbers explain."""
     rows = np.array([r.rows for r in free.residuals], dtype=np.float64)
-    weight = rows / np.where((free.noise > 0) & (rows > 0), free.noise, 1.0) ** 2
+    known = (free.noise > _LEAST) & (rows > 0)  # of a fit that nothing told, it is next to nothing
+    weight = rows / np.where(known, free.noise, 1.0) ** 2
     before = np.nansum(weight * np.square([r.rms_before for r in free.residuals]))
     left = [
         float(np.nansum(weight * np.square([r.rms_after for r in one.residuals])))
