@@ -87,3 +87,17 @@ def test_one_that_stood_with_its_machine_is_told_frozen_later() -> None:
         accused += sum(row < AT for row in told)
         found += (out.rows.mark[AT:, 0] == Mark.ERROR).mean() > 0.5
     assert accused <= 2 * 25 and found >= 24, (accused, found)
+
+
+def test_one_that_is_back_at_the_value_before_has_answered() -> None:
+    """A force by a command of few levels: so are its values."""
+    model = FunctionModel(
+        lambda x, u, dt, p: ([], [u[0]]), Layout.of(u="A"), Layout.of(y="N"), Layout()
+    )
+    for seed in range(25):
+        rng = np.random.default_rng([seed, 8])
+        u = 5.0 + 3.0 * rng.choice([-1.0, 0.0, 0.5], ROWS // 20).repeat(20)
+        seen = np.round(1.02 * u / 0.5) * 0.5
+        block = make_block(np.arange(ROWS) * 10**9, u[:, None], seen[:, None])
+        _, out = fold(Track(model, Arbiter(Rule(use="blend"))), [block])
+        assert not [r for r in out.records if r.kind == "measurement_error"]

@@ -87,7 +87,7 @@ def needed(rules: Any, g: int, kind: int) -> float:
 
 @njit(**HOT)
 def place_in_run(
-    limits: Any, values: Any, numbers: Any, sample: Any, g: int, size: int, kind: int
+    limits: Any, rules: Any, values: Any, numbers: Any, sample: Any, g: int, size: int, kind: int
 ) -> int:
     """1: the sample has the value of the run; 2: the other one of two in turn; 0: neither."""
     room, y = sample[0], sample[1]
@@ -107,9 +107,11 @@ def place_in_run(
         j = room[k]
         if y[j] != values[j, at.HELD]:
             place = 2
-    for k in range(size):
+    for k in range(size if place == 2 else 0):
         j = room[k]
-        if place == 2 and y[j] != values[j, at.OTHER]:
+        way = wrapped(values[j, at.OTHER] - values[j, at.HELD], limits[j, at.ANGLE] > 0)
+        # one that went farther than it may stay for has answered
+        if y[j] != values[j, at.OTHER] or abs(way) > enough(rules, values, numbers, g, j, kind):
             return 0
     return place
 
@@ -149,11 +151,8 @@ def goes(limits: Any, values: Any, j: int, moved: float, instead: float) -> None
     share of the usual speed, that is no motion which a frozen sensor would miss.
     """
     for kind in range(2):
-        creep = 0.0
-        if limits[j, at.ADOPTS] > 0:
-            creep = values[j, at.CREEP + kind]
-            if stays(values, j):
-                creep = max(creep, SLOW * values[j, at.USUAL])
+        creep = max(values[j, at.CREEP + kind], SLOW * values[j, at.USUAL] * stays(values, j))
+        creep *= limits[j, at.ADOPTS] > 0
         values[j, at.GONE + kind] += moved - instead
         values[j, at.BEYOND + kind] += moved - min(max(moved, -creep), creep)
         values[j, at.BEYOND + kind] -= instead - min(max(instead, -creep), creep)
@@ -252,7 +251,7 @@ def follow(
     if numbers[g, at.SAMPLES] > 0:
         learn_step(limits, values, sample, size)
     for kind in range(2):
-        place = place_in_run(limits, values, numbers, sample, g, size, kind)
+        place = place_in_run(limits, rules, values, numbers, sample, g, size, kind)
         if place > 0:
             numbers[g, at.RUN + kind] += 1
             numbers[g, at.AWAY + kind] = 0
