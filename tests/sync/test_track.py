@@ -537,7 +537,7 @@ def test_a_noisy_machine_that_stands_against_its_model_is_believed() -> None:
         assert kinds(fold(stage, [block])[1].records) == []
 
 
-def test_a_machine_that_stands_still_is_believed_the_third_time() -> None:
+def test_a_machine_that_stands_still_is_believed_the_second_time() -> None:
     """Without noise it looks like a frozen sensor, until the motion goes on from there."""
     t = np.arange(1200)
     v = np.where(t % 200 < 100, 0.3, 0.05)
@@ -548,7 +548,7 @@ def test_a_machine_that_stands_still_is_believed_the_third_time() -> None:
     _, out = fold(Track(drive(), Arbiter(rule)), [block])
     # where the motion goes on, some samples in a row are asked for
     refused = np.roll(out.rows.mark[:, 0] == Mark.ERROR, -5).reshape(6, 200).any(axis=1)
-    assert refused.tolist() == [True, True, False, False, False, False]
+    assert refused.tolist() == [True, False, False, False, False, False]
     assert (out.rows.update[800:, 0] == 1).sum() > 10
 
 
@@ -805,7 +805,7 @@ def test_a_machine_that_follows_ten_times_the_command_late_is_no_wrong_command()
     assert (out.rows.u[310:, 0] == v[310:]).all()
 
 
-@pytest.mark.parametrize("gone", [1, 3])
+@pytest.mark.parametrize("gone", [1, 3, 5])
 def test_a_checkpoint_that_knows_less_goes_on(gone: int) -> None:
     """One of an older version has fewer columns; machine code would write behind their end."""
     stage, block = Track(unicycle(1.02), Arbiter(RULES["blend"])), spoiled(3)

@@ -188,7 +188,7 @@ def members(outputs: Layout) -> np.ndarray:
 
 
 _CAUSES = {
-    at.Cause.SYNTAX: "not a number",
+    at.Cause.SYNTAX: "unreadable, or refused by its source",
     at.Cause.RANGE: "outside the physically possible range",
     at.Cause.RATE: "faster than physically possible",
     at.Cause.FROZEN: "frozen while the model predicts motion",

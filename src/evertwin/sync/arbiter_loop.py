@@ -293,7 +293,7 @@ def judge(
     growth = grown(rules, numbers, figures, g, now[1])
     for k in range(size):
         j = room[k]
-        if values[j, at.VARIED] > 0:  # what has not moved since it began has no noise to tell
+        if values[j, at.ANEW] > 0 or statistics[1][-1, j] >= at.LEARN:  # what stays has no noise
             learn(statistics, phase, j, values[j, at.NU] * values[j, at.NU] / growth)
         weigh(limits, values, j, y[j], predicted[j])
     learn_noise(values, numbers, room, g, size)

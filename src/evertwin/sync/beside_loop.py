@@ -258,6 +258,8 @@ def turn_back(
     rows = numbers[g, at.SAMPLES] - matter[at.TRUSTED]
     numbers[g, at.ERRORS] += rows
     if found == 1.0:
+        if rows < settings[1][g, at.VOTE] and matter[at.HOW] == CREPT:
+            return  # less than what it moves in a row or two: one that answered late
         span = (matter[at.SINCE], now[0] - 1, rows)
         note(notes, memory, now, ERROR, g, AWAY, span)
         return

@@ -16,7 +16,7 @@ from evertwin.compiled.functions import njit
 from evertwin.sync import places as at
 from evertwin.sync.horizon_loop import wrapped
 from evertwin.sync.options import HOT
-from evertwin.sync.run_loop import enough
+from evertwin.sync.run_loop import enough, goes
 
 BEGINS = 0.25
 """Part of the way from which on a state runs free."""
@@ -32,8 +32,7 @@ def moves_free(limits: Any, values: Any, members: Any, g: int, expects: Any, mov
         moved = wrapped(expects[j] - values[j, at.FREE_AFTER], limits[j, at.ANGLE] > 0)
         values[j, at.FREE_AFTER] = expects[j]
         if moved == moved and moves[j] == moves[j]:
-            for kind in range(2):
-                values[j, at.GONE + kind] += moved - moves[j]
+            goes(limits, values, j, moved, moves[j])
 
 
 @njit(**HOT)

@@ -60,10 +60,15 @@ OVERDUE, LATE = 45, 47
 until one did, at most."""
 VARIED = 49
 """And samples that were another than the one before."""
-CHANGE, LINE, AWAY_AT, AWAY_FROM = 50, 51, 52, 53
+BEYOND, CREEP = 50, 52
+"""And per kind of run: way that was predicted since it began beyond a creep; how fast one was
+predicted to move that stood [per sample]."""
+ANEW = 54
+"""And is the sample another than the one before?"""
+CHANGE, LINE, AWAY_AT, AWAY_FROM = 55, 56, 57, 58
 """And, model aside, of trusted samples: the newest change, and the mean square by which one lies
 off the straight line through the two before; first doubted sample, and where that line is then."""
-VALUES = 54
+VALUES = 59
 (
     STARTED, VALID, GOOD_AT, LAST_AT, CAUSE, ONSET, UNTIL, FAULTS, TOLD, CONTEST, BATCH, BATCH_ROW,
     LEFT, SAMPLES, UPDATES, RESETS, CONTESTED, ERRORS, TURNS, HELD_BY, QUIET,
@@ -73,9 +78,9 @@ open fault: cause, first and last row, samples, told?; the open contest: samples
 verdict, the first of them, the last that left the vote; counters;
 turns to the second value of a run; kind of run that
 showed the sensor frozen; were there equal values that were none?"""
-RUN, RUN_ROW, RUN_AT, AWAY, STOOD, STILL = range(21, 33, 2)
+RUN, RUN_ROW, RUN_AT, AWAY, STOOD = range(21, 31, 2)
 """Memory per group and kind of run: samples, first row and stamp; samples away from it by now, and
-whether the first of them told of a machine that stood still; runs that did."""
+whether the first of them told of a machine that stood still. 31 and 32 are of former versions."""
 HEARD, PAUSE, WIDENED = 33, 34, 35
 """And per group: stamp of the last row with a sample, whatever it is worth, or at which the state
 started anew; the longest of its newest pauses [ns], slowly forgotten; trusted samples before the

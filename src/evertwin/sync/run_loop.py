@@ -4,8 +4,8 @@ Two kinds are kept beside each other. *Equal*: the same value again, or one of t
 frozen sensor gives it. *Near*: values that stay closer together than the sensor's own noise lets
 them, as a frozen sensor with a dither gives them. Single samples outside the gate do not end a run.
 
-A machine that stands against its model keeps the sensor's noise; so equal values of a sensor that
-proved to stand still with its machine (twice) say nothing.
+A machine that stands against its model keeps the sensor's noise; one without noise is told from a
+frozen sensor by where it goes on from, and from then on by how fast it was predicted to move.
 
 See `evertwin.sync.plausible_loop` for the tuples of arrays.
 """
@@ -42,6 +42,9 @@ GUESS = 4.0
 """Smallest changes that a sensor may stay for where it was never seen to."""
 LEANS = 1.0
 """So many times as far as a model moves beside its machine anyway is no motion by itself."""
+LATE, SLOW = 3.0, 0.05
+"""Samples that one which may stay may be late by, where it was never seen to; and share of its
+usual speed that is no motion by itself."""
 MOVED, MANY = 0.25, 200
 """Share of an output's usual size that it has to be predicted to move, and samples that tell it."""
 
@@ -84,7 +87,7 @@ def needed(rules: Any, g: int, kind: int) -> float:
 
 @njit(**HOT)
 def place_in_run(
-    limits: Any, values: Any, numbers: Any, sample: Any, g: int, size: int, kind: int
+    limits: Any, rules: Any, values: Any, numbers: Any, sample: Any, g: int, size: int, kind: int
 ) -> int:
     """1: the sample has the value of the run; 2: the other one of two in turn; 0: neither."""
     room, y = sample[0], sample[1]
@@ -104,9 +107,11 @@ def place_in_run(
         j = room[k]
         if y[j] != values[j, at.HELD]:
             place = 2
-    for k in range(size):
+    for k in range(size if place == 2 else 0):
         j = room[k]
-        if place == 2 and y[j] != values[j, at.OTHER]:
+        way = wrapped(values[j, at.OTHER] - values[j, at.HELD], limits[j, at.ANGLE] > 0)
+        # one that went farther than it may stay for has answered
+        if y[j] != values[j, at.OTHER] or abs(way) > enough(rules, values, numbers, g, j, kind):
             return 0
     return place
 
@@ -132,13 +137,36 @@ def standstill(settings: Any, memory: Any, sample: Any, g: int, size: int, kind:
 
 
 @njit(**HOT)
+def stays(values: Any, j: int) -> bool:
+    """May an output stay though its machine moves? One whose noise is over half a step may not."""
+    return bool(not 4.0 * values[j, at.NOISE] > values[j, at.STEP] * values[j, at.STEP])
+
+
+@njit(**HOT)
+def goes(limits: Any, values: Any, j: int, moved: float, instead: float) -> None:
+    """The output is predicted to move, in place of what was said before: the way of its runs.
+
+    A state that follows a sensor which stays, within its resolution or because its machine stands,
+    is predicted to leave at each row anew. As fast as machines were that stood, and as a small
+    share of the usual speed, that is no motion which a frozen sensor would miss.
+    """
+    for kind in range(2):
+        creep = max(values[j, at.CREEP + kind], SLOW * values[j, at.USUAL] * stays(values, j))
+        creep *= limits[j, at.ADOPTS] > 0
+        values[j, at.GONE + kind] += moved - instead
+        values[j, at.BEYOND + kind] += moved - min(max(moved, -creep), creep)
+        values[j, at.BEYOND + kind] -= instead - min(max(instead, -creep), creep)
+
+
+@njit(**HOT)
 def learn_step(limits: Any, values: Any, sample: Any, size: int) -> None:
     """The smallest change of an output; what rounding makes is none."""
     room, y = sample[0], sample[1]
     for k in range(size):
         j = room[k]
         change = abs(wrapped(y[j] - values[j, at.LAST], limits[j, at.ANGLE] > 0))
-        if not change > 1e-9 * abs(y[j]):
+        values[j, at.ANEW] = change > 1e-9 * abs(y[j])
+        if not values[j, at.ANEW] > 0:
             continue
         values[j, at.VARIED] += 1.0
         step = values[j, at.STEP] if values[j, at.STEP] > 0.0 else np.inf
@@ -155,28 +183,41 @@ def step_of(values: Any, j: int) -> float:
 
 
 @njit(**HOT)
+def patience(values: Any, j: int, kind: int) -> float:
+    """Samples by which an answer of a sound sensor may be late."""
+    return float(1.0 + max(values[j, at.LATE + kind], LATE if stays(values, j) else 0.0))
+
+
+@njit(**HOT)
 def learn_sound(
     rules: Any, values: Any, numbers: Any, sample: Any, g: int, size: int, kind: int
 ) -> None:
     """A run ends, so its sensor responds: how far, and how long ahead of it, the prediction goes.
 
     Once may have been a fault, which counts as little beyond what was usual; of the way the second
-    counts.
+    counts. A late answer tells of no way. Nor does a machine that stood for longer than any answer
+    was late: it tells how fast one is predicted to move that stands.
     """
-    room = sample[0]
+    room, stood = sample[0], numbers[g, at.STOOD + kind] > 0
     for k in range(size if numbers[g, at.RUN + kind] > 1 else 0):
         j = room[k]
-        went = values[j, at.WENT + kind]
-        went = min(went, MOST * enough(rules, values, numbers, g, j, kind))
+        went, overdue = values[j, at.WENT + kind], values[j, at.OVERDUE + kind]
+        soon = patience(values, j, kind)
         values[j, at.RUNS + kind] += 1.0
-        values[j, at.FARTHEST + kind] *= 1.0 - FORGET
-        values[j, at.SOUND + kind] *= 1.0 - FORGET
-        values[j, at.SOUND + kind] = max(
-            values[j, at.SOUND + kind], min(went, values[j, at.FARTHEST + kind])
-        )
+        for place in (at.FARTHEST, at.SOUND, at.LATE, at.CREEP):
+            values[j, place + kind] *= 1.0 - FORGET
+        if stood and overdue > MOST * soon:
+            rate = abs(values[j, at.GONE + kind]) / numbers[g, at.RUN + kind]
+            values[j, at.CREEP + kind] = max(values[j, at.CREEP + kind], ALIKE * rate)
+            continue
+        late = min(overdue, MOST * (1.0 + values[j, at.LATE + kind]))
+        values[j, at.LATE + kind] = max(values[j, at.LATE + kind], late)
+        if 0.0 < overdue <= soon:
+            continue
+        went = min(went, MOST * enough(rules, values, numbers, g, j, kind))
+        second = min(went, values[j, at.FARTHEST + kind])
+        values[j, at.SOUND + kind] = max(values[j, at.SOUND + kind], second)
         values[j, at.FARTHEST + kind] = max(values[j, at.FARTHEST + kind], went)
-        late = min(values[j, at.OVERDUE + kind], MOST * (1.0 + values[j, at.LATE + kind]))
-        values[j, at.LATE + kind] = max(values[j, at.LATE + kind] * (1.0 - FORGET), late)
 
 
 @njit(**HOT)
@@ -187,7 +228,7 @@ def go_on(rules: Any, values: Any, numbers: Any, room: Any, g: int, size: int, k
     """
     for k in range(size):
         j = room[k]
-        way = abs(values[j, at.GONE + kind])
+        way = abs(values[j, at.BEYOND + kind])
         if numbers[g, at.AWAY + kind] == 0:
             values[j, at.WENT + kind] = max(values[j, at.WENT + kind], way)
         part = PART if values[j, at.EXPECTED] > 0 else 1.0
@@ -210,7 +251,7 @@ def follow(
     if numbers[g, at.SAMPLES] > 0:
         learn_step(limits, values, sample, size)
     for kind in range(2):
-        place = place_in_run(limits, values, numbers, sample, g, size, kind)
+        place = place_in_run(limits, rules, values, numbers, sample, g, size, kind)
         if place > 0:
             numbers[g, at.RUN + kind] += 1
             numbers[g, at.AWAY + kind] = 0
@@ -227,7 +268,6 @@ def follow(
             go_on(rules, values, numbers, room, g, size, kind)
             continue
         learn_sound(rules, values, numbers, sample, g, size, kind)
-        numbers[g, at.STILL + kind] += numbers[g, at.STOOD + kind]
         ended = numbers[g, at.RUN + kind]
         numbers[g, at.FREE] *= numbers[g, at.FREE] != kind + 1
         numbers[g, at.RUN + kind], numbers[g, at.AWAY + kind] = 1, 0
@@ -240,8 +280,8 @@ def follow(
             if kind == EQUAL:
                 values[j, at.OTHER] = values[j, at.HELD]
             values[j, at.HELD + kind] = y[j]
-            values[j, at.GONE + kind] = values[j, at.WENT + kind] = 0.0
-            values[j, at.OVERDUE + kind] = 0.0
+            for way in (at.GONE, at.BEYOND, at.WENT, at.OVERDUE):
+                values[j, way + kind] = 0.0
 
 
 @njit(**HOT)
@@ -311,8 +351,6 @@ def is_frozen(rules: Any, memory: Any, room: Any, g: int, size: int) -> bool:
     for kind in range(2):
         if numbers[g, at.AWAY + kind] > 0 or numbers[g, at.RUN + kind] < needed(rules, g, kind):
             continue
-        if numbers[g, at.STILL + kind] >= 2:
-            continue
         if kind == NEAR and numbers[g, at.CAUSE] == FACTOR:
             continue  # a small factor brings values near to each other
         if kind == NEAR and predicts_too_much(values, room, size):
@@ -325,9 +363,9 @@ def is_frozen(rules: Any, memory: Any, room: Any, g: int, size: int) -> bool:
             j = room[k]
             noisy = levels > 0 or near_square(values, numbers, g, j) > 0
             moved = enough(rules, values, numbers, g, j, kind)
-            late = values[j, at.OVERDUE + kind] > 1.0 + values[j, at.LATE + kind]
+            late = values[j, at.OVERDUE + kind] > patience(values, j, kind)
             late = late or (kind == EQUAL and never)
-            if noisy and late and abs(values[j, at.GONE + kind]) >= levels * moved:
+            if noisy and late and abs(values[j, at.BEYOND + kind]) >= levels * moved:
                 if numbers[g, at.CAUSE] != FROZEN:
                     equal = numbers[g, at.RUN + EQUAL] >= numbers[g, at.RUN + kind]
                     numbers[g, at.HELD_BY] = EQUAL if equal else kind

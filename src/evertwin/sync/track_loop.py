@@ -34,7 +34,7 @@ from evertwin.sync.input_loop import (
 from evertwin.sync.options import HOT
 from evertwin.sync.places import Finding
 from evertwin.sync.plausible_loop import grown, variance_of
-from evertwin.sync.run_loop import keep_start
+from evertwin.sync.run_loop import goes, keep_start
 from evertwin.sync.vote_loop import note
 
 TASK, BEGUN, ASKED, FAILED, FIRST_FAILED = range(5)
@@ -78,8 +78,7 @@ def proceed(limits: Any, values: Any, predicted: Any, u: Any, i: int, moves: Any
             by = int(limits[j, at.BESIDE])
             if by < 0 or abs(u[i, by]) > limits[j, at.ABOVE]:
                 moves[j] = moved
-                for kind in range(2):
-                    values[j, at.GONE + kind] += moved
+                goes(limits, values, j, moved, 0.0)
 
 
 @njit(**HOT)
