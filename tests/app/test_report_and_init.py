@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from evertwin.app.cli import main
 from evertwin.config import read
 from evertwin.twin import Twin
 
@@ -151,3 +153,13 @@ def test_a_report_replaces_reports_alone(call: Command, folder: Path) -> None:
     assert (folder / "robot.toml").read_text() == text
     assert call("validate", "robot.toml", "--report", "page.html").code == 0
     assert call("validate", "robot.toml", "--report", "page.html").code == 0
+
+
+def test_an_error_is_a_document_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for words, code in ((["run", "absent.toml"], 2), (["run"], 2), (["info", "absent.csv"], 4)):
+        with pytest.raises(SystemExit) as ended:
+            main([*words, "--json"])
+        out, err = capsys.readouterr()
+        said = json.loads(out)
+        assert ended.value.code == said["code"] == code and said["schema"] == "evertwin.error/1"
+        assert said["error"].splitlines()[0] in err

@@ -62,10 +62,19 @@ def test_a_requirement_that_measures_something_else_is_refused() -> None:
     asked = AnomalySpec.prepare({"requirement": "1 V"})
     with pytest.raises(ConfigError, match=r"requirement is in 'V', and output 'x' in 'm'"):
         Twin(TwinSpec("cart", ModelSpec("robot1d"), anomaly=AnomalySpec(0.01, unit=asked["unit"])))
-    base = TwinSpec("base", ModelSpec("differential"), anomaly=AnomalySpec(0.01, unit="cm"))
-    with pytest.raises(ConfigError, match=r"'heading' in 'rad'.*outputs = \['x', 'y'\]"):
+    base = TwinSpec("base", ModelSpec("differential"), anomaly=AnomalySpec(0.01, unit="rad"))
+    with pytest.raises(ConfigError, match=r"'x' in 'm'.*outputs = \['heading'\]"):
         Twin(base)
-    Twin(replace(base, anomaly=AnomalySpec(0.01, unit="cm", outputs=("x", "y")))).close()
+    Twin(replace(base, anomaly=AnomalySpec(0.01, unit="rad", outputs=("heading",)))).close()
+
+
+def test_a_length_asked_of_a_pose_is_asked_of_its_heading_a_metre_ahead() -> None:
+    base = TwinSpec("base", ModelSpec("differential"), anomaly=AnomalySpec(0.01, unit="cm"))
+    with Twin(base) as twin:
+        assert twin.setup.watched.all() and twin.setup.requirement == 0.01
+    both = ModelSpec("drive", {"rotary": True})
+    with pytest.raises(ConfigError, match=r"'position' in 'rad'"):
+        Twin(TwinSpec("shaft", both, anomaly=AnomalySpec(0.01, unit="cm")))
 
 
 AXIS = """schema = 1

@@ -57,6 +57,23 @@ def test_a_turning_gain_that_is_off_is_told(tmp_path: Path, seed: int) -> None:
         assert not off or told[0].signal == "heading"
 
 
+@pytest.mark.parametrize("rate", ["rad/s", "deg/s"])
+@pytest.mark.parametrize("heading", ["rad", "deg"])
+@pytest.mark.parametrize("seed", range(5))
+def test_a_heading_and_its_rate_tell_their_units(
+    tmp_path: Path, seed: int, heading: str, rate: str
+) -> None:
+    """A heading that goes on over turns is far from zero in radians, too."""
+    table = np.loadtxt(recorded(tmp_path, seed, 0.8), delimiter=",", skiprows=1)
+    table[:, 5] = np.unwrap(table[:, 5]) * (1.0 if heading == "rad" else 180.0 / np.pi)
+    table[:, 2] *= 1.0 if rate == "rad/s" else 180.0 / np.pi
+    file = tmp_path / "plain.csv"
+    np.savetxt(file, table, fmt="%.6f", delimiter=",", header="t,v,w,x,y,theta", comments="")
+    write_starter([file], tmp_path / "base.toml", ("differential", None), False, False)
+    told = read(tmp_path / "base.toml").source[0].channels
+    assert (told["heading"].unit, told["w"].unit) == (heading, rate)
+
+
 @pytest.mark.parametrize("turn", ["cmd_vel_yaw", "yaw_cmd", "w_cmd"])
 def test_a_commanded_yaw_is_the_turn_rate(tmp_path: Path, turn: str) -> None:
     file = recorded(tmp_path, 4, 1.0)

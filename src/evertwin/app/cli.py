@@ -6,9 +6,11 @@ imported when it runs, so that ``--help`` stays fast.
 
 from __future__ import annotations
 
+import json
 import logging
 import os
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -264,9 +266,9 @@ def main(arguments: list[str] | None = None) -> None:
         sys.stdout.flush()
         sys.exit(code if isinstance(code, int) else 0)
     except EvertwinError as error:
-        _fail(str(error), error.exit_code)
+        _fail(str(error), error.exit_code, words)
     except (KeyboardInterrupt, typer.Abort):
-        _fail("interrupted", 130)
+        _fail("interrupted", 130, words)
     except BrokenPipeError:
         # the reader has left (| head): nothing more to say, and nothing to flush at exit
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -277,8 +279,8 @@ def main(arguments: list[str] | None = None) -> None:
             if type(error).__name__ == "NoArgsIsHelpError":
                 typer.echo(shown(), err=True)
                 sys.exit(2)
-            _fail(f"{shown()}\nsee: evertwin {_command(error)}--help", 2)
-        _bug(error)
+            _fail(f"{shown()}\nsee: evertwin {_command(error)}--help", 2, words)
+        _bug(error, words)
 
 
 def _command(error: Exception) -> str:
@@ -302,7 +304,10 @@ def _spread(words: list[str]) -> list[str]:
     return out
 
 
-def _fail(message: str, code: int) -> None:
+def _fail(message: str, code: int, words: Sequence[str]) -> None:
+    """What went wrong, on stderr; with ``--json`` among the command's words the document too."""
+    if "--json" in words:
+        typer.echo(json.dumps({"schema": "evertwin.error/1", "error": message, "code": code}))
     lines = message.splitlines()
     for line in lines[:MOST]:
         typer.echo(f"evertwin: {line if len(line) <= LONGEST else f'{line[:LONGEST]} …'}", err=True)
@@ -311,11 +316,11 @@ def _fail(message: str, code: int) -> None:
     sys.exit(code)
 
 
-def _bug(error: Exception) -> None:
+def _bug(error: Exception, words: Sequence[str]) -> None:
     import traceback
 
     typer.echo("".join(traceback.format_exception(error)), err=True)
-    _fail(f"this is a bug in evertwin: {type(error).__name__}: {error}", 101)
+    _fail(f"this is a bug in evertwin: {type(error).__name__}: {error}", 101, words)
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ def export_twin(
 ) -> None:
     """``evertwin export``: format, file and version are ``chosen``."""
     form, out, version = chosen
-    files = recordings(data)
+    files, made = recordings(data), not out.parent.exists()
     with Twin(as_kept(twin), reading=True) as opened:
         found = opened.export(out, form, version, files)
     content = {
@@ -26,6 +26,7 @@ def export_twin(
     rows = f", {found.rows} rows" if found.rows else ""
     said = f"{out}: version {found.version}, {found.parameters} parameters{rows}"
     said += f"; {found.note}" if found.note else ""
+    said += f"; the folder {out.parent} was made" if made else ""
     show(content, said, as_json)
 
 

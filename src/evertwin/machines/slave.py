@@ -116,7 +116,7 @@ class TwinSlave(Fmi2Slave):  # type: ignore[misc]
         own = self.model.initial(self.p)
         if self._start is None:
             return own
-        return self._start + (own - self.model.initial(self.model.parameters.values))
+        return np.asarray(self._start + own - self.model.initial(self.model.parameters.values))
 
     def _register(self) -> None:
         model, causality = self.model, Fmi2Causality

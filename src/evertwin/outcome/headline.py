@@ -260,6 +260,11 @@ def _off(setup: Setup, off: Mapping[str, OutputFigures]) -> str:
     return f"{sizes} where {_limit(setup, off)} is asked"
 
 
+def _said(f: OutputFigures, value: float) -> str:
+    """A size of an output in the one unit that all of a headline's sizes of it are in."""
+    return both(value, max(f.before, f.after), f.unit, f.recorded)[0]
+
+
 def _spells(off: Mapping[str, OutputFigures]) -> str:
     """When outputs were off, by how much, and what they are off by on all other rows."""
     return ", ".join(
@@ -276,7 +281,7 @@ def _limit(setup: Setup, judged: Mapping[str, OutputFigures]) -> str:
     if setup.relative:
         return f"{100 * limit:g} %"
     one = next(f for f in judged.values() if not math.isnan(f.judged))
-    return spoken(limit, one.unit, one.recorded)
+    return _said(one, limit)
 
 
 def _changed(setup: Setup, versions: tuple[Version, ...], events: Sequence[Event]) -> str:
@@ -325,7 +330,7 @@ def _sizes(some: Mapping[str, OutputFigures], *off: str, shares: bool = False) -
         return " ".join((_span(some), *(f"are {word}" for word in off), f"by {most} of their size"))
     verb = "".join(f"is {word} " for word in off)
     return ", ".join(
-        f"{name} {verb}by {spoken(f.after, f.unit, f.recorded)}"
+        f"{name} {verb}by {_said(f, f.after)}"
         + f" ({share(f.judged)})" * (shares and not math.isnan(f.judged))
         for name, f in some.items()
     )

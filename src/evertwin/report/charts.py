@@ -1,7 +1,8 @@
 """A figure inside a page: vectors that follow the page's colours, and the values behind its lines.
 
-What is drawn in black takes the colour of the text, so that a dark page shows it; a small script of
-the page (``charts.js`` beside this file) tells the values under the pointer and zooms.
+What is drawn in black takes the colour of the text, and blue lines that of the page, so that a dark
+page shows them; a small script of the page (``charts.js`` beside this file) tells the values under
+the pointer and zooms.
 
 >>> from matplotlib.figure import Figure
 >>> figure = Figure(figsize=(4, 2))
@@ -31,6 +32,8 @@ POINTS = 4000
 """Points of a line whose values are told; of more, every second one, or third …"""
 MARKS = 1500
 """Single marks that are drawn as vectors; more are a picture inside the picture."""
+COLOURS = {"#000000": "currentColor", "#0072b2": "var(--line-blue, #0072b2)"}
+"""Of a figure, and of the page."""
 FORM: Any = {"svg.fonttype": "none", "svg.hashsalt": "evertwin"}
 
 
@@ -63,7 +66,9 @@ def _cleaned(svg: str, label: str) -> str:
     svg = re.sub(r' xmlns(:\w+)?="[^"]*"', "", svg).replace("xlink:href", "href")
     used = set(re.findall(r'(?:url\(#|href="#)([^)"]+)', svg))
     svg = re.sub(r' id="([^"]+)"', lambda m: m.group(0) if m.group(1) in used else "", svg)
-    svg = re.sub(r"(\d\.\d\d)\d+", r"\1", svg).replace("#000000", "currentColor")
+    svg = re.sub(r"(\d\.\d\d)\d+", r"\1", svg)
+    for drawn, shown in COLOURS.items():
+        svg = svg.replace(drawn, shown)
     svg = re.sub(r' (?:width|height)="[\d.]+pt"', "", svg, count=2)
     return svg.replace("<svg", f'<svg role="img" aria-label="{escape(label)}"', 1)
 

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 MEASURED, PREDICTED, UPDATE, BAND = "#000000", "#0072B2", "#D55E00", "#56B4E9"
 ASKED = "#009E73"
+NARROW = 6.0
+"""Width of a picture [in] that holds two names beside each other."""
 TINY = 1e-24
 HALF = 0.5
 """Share of rows that tell it below which each is marked."""
@@ -33,11 +35,11 @@ def _figure(rows: int = 1, height: float = 2.2, wide: float = 9.0) -> tuple[Figu
     return figure, figure.subplots(rows, 1, squeeze=False)[:, 0]
 
 
-def _legend(axis: Axes) -> None:
-    """Above the axes, where it covers nothing."""
+def _legend(axis: Axes, wide: float = 9.0) -> None:
+    """Above the axes, where it covers nothing; ``wide``: of the picture [in]."""
     axis.legend(
-        loc="lower left", bbox_to_anchor=(0.0, 1.0), fontsize=8, ncols=6, frameon=False,
-        borderaxespad=0.2,
+        loc="lower left", bbox_to_anchor=(0.0, 1.0), fontsize=8, ncols=6 if wide > NARROW else 2,
+        frameon=False, borderaxespad=0.2,
     )  # fmt: skip
 
 
@@ -54,28 +56,36 @@ def draw_run(result: RunResult, output: str | None = None) -> Figure:
     """Measured and predicted with position updates marked, and the residual with its band."""
     names = result.model.outputs.names
     k = 0 if output is None else result.model.outputs.index(output)
-    trace, unit = result.trace, result.model.outputs.units[k]
+    trace, unit, recorded = (
+        result.trace,
+        result.model.outputs.units[k],
+        result.outputs[names[k]].recorded,
+    )
+    size, zero = conversion_of(recorded)
+    apart, part = (unit, 1.0) if zero else (recorded or unit, size)  # K, of what is in degC
+    measured, predicted = ((trace[v][:, k] - zero) / size for v in ("measured", "predicted"))
     figure, (above, below) = _figure(2, 2.4)
     t = _seconds(trace)
-    above.plot(t, trace["measured"][:, k], ".", ms=2, color=MEASURED, label="measured")
-    above.plot(t, trace["predicted"][:, k], "-", lw=0.9, color=PREDICTED, label="predicted")
+    above.plot(t, measured, ".", ms=2, color=MEASURED, label="measured")
+    above.plot(t, predicted, "-", lw=0.9, color=PREDICTED, label="predicted")
     updated = trace["update"][:, int(result.model.outputs.group_of[k])] == 1
     if updated.any():
         above.plot(
-            t[updated], trace["measured"][updated, k], "x", color=UPDATE, ms=5,
+            t[updated], measured[updated], "x", color=UPDATE, ms=5,
             label=f"position update ({int(updated.sum())})",
         )  # fmt: skip
-    above.set_ylabel(f"{names[k]} [{unit}]")
+    above.set_ylabel(f"{names[k]} [{recorded or unit}]")
     _legend(above)
-    sigma = np.where(np.isfinite(trace["sigma"][:, k]), trace["sigma"][:, k], np.nan)
+    sigma, residual = trace["sigma"][:, k] / part, trace["residual"][:, k] / part
+    sigma = np.where(np.isfinite(sigma), sigma, np.nan)
     below.fill_between(t, -1.96 * sigma, 1.96 * sigma, color=BAND, alpha=0.35, label="95 % band")
-    known = np.isfinite(trace["residual"][:, k])
-    below.plot(t[known], trace["residual"][known, k], "-", lw=0.7, color=MEASURED, label="residual")
+    known = np.isfinite(residual)
+    below.plot(t[known], residual[known], "-", lw=0.7, color=MEASURED, label="residual")
     for row in _switches(result):
         at = t[min(int(np.searchsorted(trace["row"], row)), len(t) - 1)]
         for axis in (above, below):
             axis.axvline(at, color=UPDATE, ls="--", lw=1)
-    below.set_ylabel(f"residual [{unit}]")
+    below.set_ylabel(f"residual [{apart}]")
     below.set_xlabel("time [s]")
     _legend(below)
     return figure
@@ -139,7 +149,7 @@ def draw_improvement(
     above.set_ylabel(f"{name} [{one.recorded or one.unit}]")
     below.set_ylabel(f"off by [{unit}]")
     below.set_xlabel("time [s]")
-    _legend(above)
+    _legend(above, wide)
     return figure
 
 

@@ -158,13 +158,17 @@ def motions(spec: TwinSpec, layout: Layout) -> Iterator[tuple[int, int]]:
 
 def check_units(spec: TwinSpec, model: Model) -> None:
     """Does each channel measure what the model takes or gives, and is the requirement one of what
-    is watched? A pure number may be anything.
+    is watched? A pure number may be anything; a length asked of a pose is asked of its heading as
+    the way of a point 1 m ahead, so that 0.01 m is 0.01 rad.
 
     Raises:
         ConfigError: names the channel and both units.
     """
     asked, watched = spec.anomaly.unit, spec.anomaly.outputs or model.outputs.names
     fit = [one.name for one in model.outputs if not asked or compatible(asked, one.unit)]
+    if asked and compatible(asked, "m"):
+        posed = {one.group for one in model.outputs if one.name in fit}
+        fit += [c.name for c in model.outputs if c.kind == "angle" and c.group in posed]
     for channel in model.outputs:
         if channel.name in set(watched) - set(fit) and channel.unit != "1":
             hint = f"[anomaly] outputs = {fit}" if fit else "a bare number is a share"

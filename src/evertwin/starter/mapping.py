@@ -32,6 +32,7 @@ from evertwin.starter.named import matched, short, sole, unit_of
 from evertwin.starter.proposal import ASK, Derivation, Match, Proposal
 from evertwin.starter.relations import wraps
 from evertwin.starter.seen import Seen
+from evertwin.starter.turning import as_turned
 from evertwin.starter.words import (
     AMBIENT,
     HEATER,
@@ -58,7 +59,7 @@ def mapped(model: Model | None, seen: Sequence[Seen]) -> Proposal:
         matches, derived = list(found.matches), list(found.derivations)
     else:
         matches, derived = _other(channels, model.inputs.names if len(model.states) else (), seen)
-    matches = as_compass(matches, seen)
+    matches = as_compass(as_turned(matches, seen), seen)
     derived = _unwrapped(matches, derived, seen)
     return _rest(matches, derived, _lacking(channels, matches, derived), seen)
 
