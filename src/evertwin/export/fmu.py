@@ -26,6 +26,7 @@ import numpy as np
 
 from evertwin.errors import DataError, ModelError, UsageError, needs
 from evertwin.export.content import Exported
+from evertwin.files import write_whole
 from evertwin.fold.records import plain
 from evertwin.machines.catalog import FILES, with_files
 from evertwin.settings.writing import inline
@@ -78,7 +79,7 @@ def write_fmu(out: Exported, path: Path) -> str:
                 script, dest=made, project_files=files, canGetAndSetFMUstate=True,
                 canSerializeFMUstate=True,
             )  # fmt: skip
-            shutil.copyfile(made, path)
+            write_whole(path, made.read_bytes())
         except OSError as error:
             raise UsageError(f"{path}: cannot be written: {error.strerror}") from error
         finally:
