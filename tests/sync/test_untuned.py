@@ -8,7 +8,7 @@ import pytest
 from evertwin.fold import Block, Event, make_block
 from evertwin.sync import Arbiter, Rule, Track
 
-from .machines import store
+from .machines import store, unicycle
 
 ROWS = 4000
 
@@ -52,3 +52,24 @@ def test_a_leap_by_a_factor_is_one(factor: float) -> None:
         found = [f for row, f in factors(block) if abs(row - onset) < 3]
         told += found[:1] == pytest.approx([factor])
     assert told >= 15, told  # the rest leaps while the machine moves fast
+
+
+@pytest.mark.parametrize("factor", [1000.0, 1 / 0.0254, 10.0])
+def test_a_unit_that_stays_is_told_until_it_is_back(factor: float) -> None:
+    """Of a pose whose x alone changes, while the prediction drifts away by its wrong gain."""
+    held = back = 0
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        v, w = (np.repeat(rng.uniform(low, 0.5, 60), 50) for low in (-0.1, -0.5))
+        heading = np.cumsum(w) * 0.1
+        pose = np.stack([np.cumsum(v * np.cos(heading)), np.cumsum(v * np.sin(heading))]) * 0.1
+        y = np.column_stack([*pose, heading]) + rng.normal(size=(3000, 3)) * 0.003
+        y[1600:2300, 0] *= factor
+        stamps = np.arange(3000) * 10**8
+        block = make_block(t=stamps, u=np.column_stack([v, w]), y=y)
+        stage = Track(unicycle(0.9), Arbiter(Rule(use="blend")))
+        events = [e for e in stage.step(stage.init(), block)[1].records if isinstance(e, Event)]
+        ends = [e.row for e in events if e.kind == "measurement_restored" and e.row > 1650]
+        held += ends[:1] >= [2300]
+        back += 2300 <= ends[0] < 2320 if ends else 0
+    assert min(held, back) >= 18, (held, back)

@@ -85,26 +85,48 @@ def in_scale(limits: Any, values: Any, j: int) -> bool:
 
 
 @njit(**COLD)
+def carriers(settings: Any, memory: Any, sample: Any, g: int, size: int, growth: float) -> bool:
+    """Are outputs of the open fault known to be off by its factor? Those that a row tells clearly
+    are remembered; beside them the others say nothing: a pose in mm has its heading in rad."""
+    limits, rules, _ = settings
+    values, numbers, figures = memory
+    room, y, f, found = sample[0], sample[1], figures[g, at.FACTOR], False
+    own = numbers[g, at.ONSET] + 1.0
+    for k in range(size):
+        j = room[k]
+        nu = values[j, at.NU]
+        more = abs(nu) - abs(wrapped(y[j] / f - (y[j] - nu), limits[j, at.ANGLE] > 0))
+        if more > allowed(rules, values, g, j, growth):
+            values[j, at.CARRIES] = own
+        found = found or values[j, at.CARRIES] == own
+    return found
+
+
+@njit(**COLD)
 def persists(settings: Any, memory: Any, sample: Any, g: int, size: int, growth: float) -> int:
     """Does the factor of the open fault still hold? 1: the row says so, 0: unknown, −1: it is over.
 
     The log-likelihood of the sound sensor against that of the factor is summed from the last row
     that spoke for the factor; it is over from `OVER` on. How far the prediction has drifted by now
     is known from measured/f, and the same for both: so a passage through zero, where both explain
-    a row, ends nothing. The step of a coarse sensor comes behind the factor, and measured/f is off
-    by as much of it. Rows that neither explains speak against the factor, too.
+    a row, ends nothing, and nor does a drift, however far it goes. The step of a coarse sensor
+    comes behind the factor, and measured/f is off by as much of it. Rows that neither explains
+    speak against the factor, too.
     """
     limits, rules, _ = settings
-    values, _, figures = memory
+    values, numbers, figures = memory
     room, y, f, gain, held = sample[0], sample[1], figures[g, at.FACTOR], 0.0, True
+    own, known = numbers[g, at.ONSET] + 1.0, carriers(settings, memory, sample, g, size, growth)
     for k in range(size):
         j = room[k]
+        if known and values[j, at.CARRIES] != own:
+            continue
         angle, nu, drift = limits[j, at.ANGLE] > 0, values[j, at.NU], values[j, at.DRIFT]
-        off = wrapped(y[j] / f - (y[j] - nu), angle)
         step = step_of(values, j) / f
         rounded = 1.0 + step * step / (12.0 * values[j, at.BASE])
-        held = held and abs(off) <= allowed(rules, values, g, j, growth * rounded)
-        spoken, plain = wrapped(off - drift, angle), wrapped(nu - drift, angle)
+        near = allowed(rules, values, g, j, growth * rounded)
+        spoken, plain = wrapped(y[j] / f - (y[j] - nu) - drift, angle), wrapped(nu - drift, angle)
+        held = held and abs(spoken) <= near
         factor = 0.5 * spoken * spoken / (values[j, at.BASE] * rounded)
         factor += math.log(abs(f) * math.sqrt(rounded))
         gain += factor - 0.5 * plain * plain / values[j, at.BASE]
@@ -115,7 +137,7 @@ def persists(settings: Any, memory: Any, sample: Any, g: int, size: int, growth:
     figures[g, at.SOUND_BY] = max(0.0, figures[g, at.SOUND_BY] + gain)
     for k in range(size):
         j = room[k]
-        if held and gain <= 0.0:
+        if held and gain <= 0.0 and (values[j, at.CARRIES] == own or not known):
             off = wrapped(y[j] / f - (y[j] - values[j, at.NU]), limits[j, at.ANGLE] > 0)
             values[j, at.DRIFT] += (off - values[j, at.DRIFT]) * FOLLOWED
     if figures[g, at.SOUND_BY] >= OVER:

@@ -68,7 +68,9 @@ ANEW = 54
 CHANGE, LINE, AWAY_AT, AWAY_FROM = 55, 56, 57, 58
 """And, model aside, of trusted samples: the newest change, and the mean square by which one lies
 off the straight line through the two before; first doubted sample, and where that line is then."""
-VALUES = 59
+CARRIES = 59
+"""And the first row + 1 of the last fault by a factor that it is known to be off by."""
+VALUES = 60
 (
     STARTED, VALID, GOOD_AT, LAST_AT, CAUSE, ONSET, UNTIL, FAULTS, TOLD, CONTEST, BATCH, BATCH_ROW,
     LEFT, SAMPLES, UPDATES, RESETS, CONTESTED, ERRORS, TURNS, HELD_BY, QUIET,

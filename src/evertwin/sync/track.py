@@ -74,7 +74,7 @@ class TrackState(NamedTuple):
     p: ParameterVector
     x0: StateVector
     """State that a new start begins with."""
-    values: Float64[np.ndarray, "ny 59"]
+    values: Float64[np.ndarray, "ny 60"]
     """Memory per output, see `evertwin.sync.places`."""
     numbers: Int64[np.ndarray, "ng 33"]
     """Memory per group: flags, stamps, the open fault and contest, counters."""
