@@ -74,9 +74,9 @@ def driven(folder: Path, seed: int, fault: str) -> RunResult:
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_heading_in_degrees_since_then_is_named_so(tmp_path: Path, seed: int) -> None:
     result = driven(tmp_path, seed, "degrees")
-    told = [e.reason for e in result.of_kind("abnormal") if "number" in e.evidence]
-    assert told and "heading looks 57.3 times what it is, as degrees for radians" in told[-1]
-    assert not result.of_kind("promoted", "tuned")
+    (told,) = result.of_kind("measurement_error")
+    assert "off by a factor of 180/π (degrees for radians)" in told.reason
+    assert not result.of_kind("promoted", "tuned", "measurement_restored")
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])

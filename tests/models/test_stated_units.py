@@ -297,12 +297,13 @@ def test_an_fmu_says_what_the_unit_of_a_parameter_is(made: Path) -> None:
 
     with Twin.open(made / "own.toml") as twin:
         twin.export(made / "own.fmu", "fmu")
-        p, u = twin.model.parameters.values, np.tile([120.0, 0.01, 295.0], (5, 1))
-        own = twin.model.simulate(twin.model.initial(p), u, np.ones(5), p)[1]
+        model, u = twin.model, np.tile([120.0, 0.01, 295.0], (5, 1))
     options = {"memory": "start", "states": ["state.n", "state.temp", "state.hidden"],
                "adopts": {"n": "state.n", "temp": "state.temp"}}  # fmt: skip
     fmu = machine("fmu", {"file": str(made / "own.fmu"), **options})
     item = fmu.parameters["c"]
     assert (item.value, item.unit) == (pytest.approx(2.9e5), "Pa")
     p = fmu.parameters.values
-    assert fmu.simulate(fmu.initial(p), u, np.ones(5), p)[1] == pytest.approx(own, rel=1e-9)
+    start = fmu.initial(p)  # where the recording ends
+    own = model.simulate(start, u, np.ones(5), model.parameters.values)[1]
+    assert fmu.simulate(start, u, np.ones(5), p)[1] == pytest.approx(own, rel=1e-9)

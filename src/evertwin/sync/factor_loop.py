@@ -19,7 +19,7 @@ from evertwin.sync import places as at
 from evertwin.sync.horizon_loop import wrapped
 from evertwin.sync.options import COLD, HOT
 from evertwin.sync.places import Cause
-from evertwin.sync.plausible_loop import leapt
+from evertwin.sync.plausible_loop import breaks, leapt
 from evertwin.sync.run_loop import step_of
 
 FACTOR = int(Cause.FACTOR)
@@ -109,9 +109,9 @@ def persists(settings: Any, memory: Any, sample: Any, g: int, size: int, growth:
     The log-likelihood of the sound sensor against that of the factor is summed from the last row
     that spoke for the factor; it is over from `OVER` on. How far the prediction has drifted by now
     is known from measured/f, and the same for both: so a passage through zero, where both explain
-    a row, ends nothing, and nor does a drift, however far it goes. The step of a coarse sensor
-    comes behind the factor, and measured/f is off by as much of it. Rows that neither explains
-    speak against the factor, too.
+    a row, ends nothing; nor does a drift, however far it goes, of a fault that began with a leap.
+    The step of a coarse sensor comes behind the factor, and measured/f is off by as much of it.
+    Rows that neither explains speak against the factor, too.
     """
     limits, rules, _ = settings
     values, numbers, figures = memory
@@ -126,7 +126,8 @@ def persists(settings: Any, memory: Any, sample: Any, g: int, size: int, growth:
         rounded = 1.0 + step * step / (12.0 * values[j, at.BASE])
         near = allowed(rules, values, g, j, growth * rounded)
         spoken, plain = wrapped(y[j] / f - (y[j] - nu) - drift, angle), wrapped(nu - drift, angle)
-        held = held and abs(spoken) <= near
+        sure = breaks(values[j, at.AWAY_FROM], values[j, at.AWAY_AT], f, angle)
+        held = held and abs(spoken if sure else wrapped(spoken + drift, angle)) <= near
         factor = 0.5 * spoken * spoken / (values[j, at.BASE] * rounded)
         factor += math.log(abs(f) * math.sqrt(rounded))
         gain += factor - 0.5 * plain * plain / values[j, at.BASE]

@@ -12,7 +12,7 @@ import numpy as np
 
 LOW, HIGH, RATE, TOLERANCE, ANGLE, ADOPTS, BESIDE, ABOVE, MOVED_BY, TRIED = range(10)
 """Settings per output: possible range and rate, tolerance, is it an angle, can it be adopted? The
-input that says whether it moves, −1 for none, and from which size on; is an input its rate, or the
+input that says whether it moves, −1 for none, and from which size on; are inputs its rate, or the
 same quantity? Then, of each of `FACTORS`, `NEVER`, `ANY` or `OWN`."""
 NEVER, ANY, OWN = range(3)
 """Is a factor tried, and does it divide two units of the output's own quantity?"""

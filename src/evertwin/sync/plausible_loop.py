@@ -174,15 +174,21 @@ def mark_onset(values: Any, numbers: Any, sample: Any, g: int, size: int) -> Non
 
 
 @njit(**COLD)
+def breaks(before: float, first: float, f: float, angle: bool) -> bool:
+    """Did values leap from ``before`` to ``first``, and is most of it gone divided by ``f``?"""
+    rest, leap = abs(wrapped(first / f - before, angle)), abs(wrapped(first - before, angle))
+    return bool(rest < 0.5 * leap)
+
+
+@njit(**COLD)
 def leapt(limits: Any, values: Any, j: int, before: float, first: float, f: float) -> bool:
-    """Was it the sensor that leapt from ``before`` to ``first``, if its unit changed by ``f``?
+    """Was it the sensor that leapt, if its unit changed by ``f``?
 
     Only a model that follows its machine far better than a straight line does says so by itself.
-    Of any other it has to be a leap off that line, and divided by ``f`` most of it is gone.
+    Of any other it has to be a leap off that line.
     """
-    angle = limits[j, at.ANGLE] > 0
-    rest, leap = abs(wrapped(first / f - before, angle)), abs(wrapped(first - before, angle))
-    return bool(BETTER * values[j, at.BASE] <= values[j, at.LINE] or rest < 0.5 * leap)
+    good = BETTER * values[j, at.BASE] <= values[j, at.LINE]
+    return bool(good or breaks(before, first, f, limits[j, at.ANGLE] > 0))
 
 
 @njit(**COLD)

@@ -328,12 +328,18 @@ def _bounds(one: Channel) -> list[float]:
 
 
 def _moved_by(inputs: Layout, outputs: Layout) -> np.ndarray:
-    """Is an input the rate of the output, or the same quantity? (ny, 1). Of any other a number of
-    the model says how much an input does, and that may be off by any factor until it is tuned."""
-    known = [powers(unit) for unit in inputs.units]
-    known += [{**one, "s": one.get("s", 0) + 1} for one in known if one]
-    known = [{name: power for name, power in one.items() if power} for one in known]
-    return np.array([[bool(own) and own in known] for own in map(powers, outputs.units)], float)
+    """Is every input a rate of the output, the same quantity, or one of turning? (ny, 1). Of any
+    other a number of the model says how much it does, and that may be off by any factor until it
+    is tuned."""
+    sources = [powers(unit) for unit in inputs.units]
+    found = []
+    for unit in outputs.units:
+        own = powers(unit)
+        rate = {name: n for name, n in {**own, "s": own.get("s", 0) - 1}.items() if n}
+        moves = [one in (own, rate) for one in sources]
+        known = all(moved or "rad" in one for moved, one in zip(moves, sources, strict=True))
+        found.append([bool(own) and any(moves) and known])
+    return np.array(found, dtype=np.float64)
 
 
 def _tried(outputs: Layout) -> np.ndarray:
