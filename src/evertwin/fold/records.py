@@ -50,6 +50,10 @@ def plain(value: object) -> Json:
     if isinstance(value, float | np.floating):
         return float(value) if math.isfinite(value) else None
     if isinstance(value, np.ndarray):
+        if value.dtype.kind == "f" and value.ndim == 1:  # at once: columns are long
+            told = value.astype(object)
+            told[~np.isfinite(value)] = None
+            return tuple(told.tolist())
         return plain(value.tolist())
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}

@@ -9,7 +9,6 @@ from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
 from fastapi import Body, FastAPI, HTTPException, Query, Request, Response, WebSocket
-from fastapi.responses import JSONResponse
 from pydantic import BaseModel, ConfigDict, Field
 
 from evertwin.errors import DataError, EvertwinError, StoreError, UsageError
@@ -20,6 +19,7 @@ from evertwin.service.metrics import exposition
 from evertwin.service.runner import Runner
 from evertwin.service.service import Service
 from evertwin.service.stream import stream
+from evertwin.service.strict_json import StrictJSON
 
 SOON = 2.0
 """Seconds that a twin has to say how it is now."""
@@ -63,8 +63,9 @@ class Said(BaseModel):
 def create_app(service: Service) -> FastAPI:
     """The application, without what guards it."""
     app = FastAPI(
-        title="evertwin", docs_url=None, redoc_url=None, openapi_url="/api/v1/openapi.json"
-    )
+        title="evertwin", docs_url=None, redoc_url=None, openapi_url="/api/v1/openapi.json",
+        default_response_class=StrictJSON,
+    )  # fmt: skip
     _errors(app)
     _health(app, service)
     _twins(app, service)
@@ -80,9 +81,9 @@ def create_app(service: Service) -> FastAPI:
 
 def _errors(app: FastAPI) -> None:
     @app.exception_handler(EvertwinError)
-    async def told(_: Request, error: EvertwinError) -> JSONResponse:
+    async def told(_: Request, error: EvertwinError) -> StrictJSON:
         status = next((code for kind, code in CODES if isinstance(error, kind)), 500)
-        return JSONResponse({"error": str(error)}, status)
+        return StrictJSON({"error": str(error)}, status)
 
 
 def _health(app: FastAPI, service: Service) -> None:
@@ -110,34 +111,34 @@ def _health(app: FastAPI, service: Service) -> None:
         return Response(exposition(service), media_type="text/plain; version=0.0.4; charset=utf-8")
 
     @app.get("/api/v1/status")
-    async def status() -> dict[str, Any]:
+    async def status() -> StrictJSON:
         """The service: its twins, the lag of its loop, the newest error of a reload."""
-        return service.status()
+        return StrictJSON(service.status())
 
 
 def _twins(app: FastAPI, service: Service) -> None:
     @app.get("/api/v1/twins")
-    async def twins() -> list[dict[str, Any]]:
+    async def twins() -> StrictJSON:
         """Every twin: state, condition, age, counts of its sources."""
-        return [runner.status() for runner in service.runners.values()]
+        return StrictJSON([runner.status() for runner in service.runners.values()])
 
     @app.get("/api/v1/twins/{name}")
-    async def twin(name: str) -> dict[str, Any]:
+    async def twin(name: str) -> StrictJSON:
         """One twin: also its versions, parameters with intervals, and the open trial."""
         runner = found_at(service, name)
         about: Mapping[str, Any] = {} if runner.work is None else runner.work.about
         if runner.work is not None and runner.state == "running":
             with contextlib.suppress(TimeoutError):  # it is told as it was last
                 about = await asyncio.wait_for(runner.ask(lambda work: work.looked_at()), SOON)
-        return {**about, **runner.status(), "versions": about.get("versions", [])}
+        return StrictJSON({**about, **runner.status(), "versions": about.get("versions", [])})
 
     @app.get("/api/v1/twins/{name}/life")
-    async def life(name: str) -> Any:
+    async def life(name: str) -> StrictJSON:
         """How long the twin's components last, as ``evertwin life`` tells it."""
         return await in_time(found_at(service, name).answer("life", {}))
 
     @app.get("/api/v1/twins/{name}/rows")
-    async def rows(name: str, last: Count = 1000, points: Count = 1000) -> Any:
+    async def rows(name: str, last: Count = 1000, points: Count = 1000) -> StrictJSON:
         """The newest rows, thinned to so many points."""
         return await in_time(found_at(service, name).ask(lambda work: work.rows(last, points)))
 
@@ -145,26 +146,26 @@ def _twins(app: FastAPI, service: Service) -> None:
     async def events(
         name: str, after: Annotated[int, Query(ge=0)] = 0, limit: Count = 1000,
         last: Count | None = None,
-    ) -> dict[str, Any]:  # fmt: skip
+    ) -> StrictJSON:  # fmt: skip
         """What was decided behind a position of the log, and the position to ask from next;
         ``last``: the newest so many, of those that are at hand."""
         runner = found_at(service, name)
         if last is not None:
             newest = list(runner.events)[-last:]
             cursor = newest[-1][0] if newest else 0
-            return {"events": [event for _, event in newest], "cursor": cursor}
+            return StrictJSON({"events": [event for _, event in newest], "cursor": cursor})
         found = await asyncio.to_thread(runner.events_after, after, limit)
         cursor = found[-1][0] if found else after
-        return {"events": [event for _, event in found], "cursor": cursor}
+        return StrictJSON({"events": [event for _, event in found], "cursor": cursor})
 
     @app.get("/api/v1/twins/{name}/samples")
     async def samples(
         name: str, source: str, first: float = -math.inf, last: float = math.inf,
         limit: Count = 1000,
-    ) -> dict[str, Any]:  # fmt: skip
+    ) -> StrictJSON:  # fmt: skip
         """Samples of a source that are kept, stamped in [first, last] [s], in order of arrival."""
         runner = found_at(service, name)
-        return await asyncio.to_thread(_samples, runner, source, (first, last), limit)
+        return StrictJSON(await asyncio.to_thread(_samples, runner, source, (first, last), limit))
 
 
 def _samples(runner: Runner, source: str, span: tuple[float, float], limit: int) -> dict[str, Any]:
@@ -195,7 +196,7 @@ def _person(told: Order | Said, request: Request) -> str:
 
 def _operate(app: FastAPI, service: Service) -> None:
     @app.post("/api/v1/twins/{name}/orders")
-    async def order(name: str, told: Order, request: Request) -> Any:
+    async def order(name: str, told: Order, request: Request) -> StrictJSON:
         """Promote a version, roll back, pin or unpin; heeded at the next beat, kept in the log."""
         person = _person(told, request)
         number = None if told.order == "unpin" else told.version
@@ -208,18 +209,18 @@ def _operate(app: FastAPI, service: Service) -> None:
         return await in_time(order)
 
     @app.post("/api/v1/twins/{name}/labels")
-    async def label(name: str, told: Said, request: Request) -> Any:
+    async def label(name: str, told: Said, request: Request) -> StrictJSON:
         """What a person says to an event, kept in the log; what acts is heeded at the next beat."""
         said = Label(**{**told.model_dump(), "person": _person(told, request)})
         return await in_time(found_at(service, name).done(lambda work: work.labelled(said)))
 
     @app.post("/api/v1/twins/{name}/whatif")
-    async def whatif(name: str, scenario: Annotated[dict[str, Any], Body()]) -> Any:
+    async def whatif(name: str, scenario: Annotated[dict[str, Any], Body()]) -> StrictJSON:
         """A scenario, as a scenario file says it but without files, beside the newest rows."""
         return await in_time(found_at(service, name).answer("whatif", scenario))
 
     @app.post("/api/v1/twins/{name}/forecast")
-    async def forecast(name: str, question: Annotated[dict[str, Any], Body()]) -> Any:
+    async def forecast(name: str, question: Annotated[dict[str, Any], Body()]) -> StrictJSON:
         """What comes within ``horizon`` seconds."""
         return await in_time(found_at(service, name).answer("forecast", question))
 

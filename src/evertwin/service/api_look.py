@@ -26,6 +26,7 @@ from evertwin.service.history import WIDEST, Span, Stored, looked_back
 from evertwin.service.questions import LONG, beside
 from evertwin.service.runner import Runner
 from evertwin.service.service import Service
+from evertwin.service.strict_json import StrictJSON
 from evertwin.sources.live import registry as sources
 from evertwin.sources.live.contract import Around
 from evertwin.sources.live.line import LineDown
@@ -64,10 +65,10 @@ def found_at(service: Service, name: str) -> Runner:
         raise HTTPException(404, str(error)) from error
 
 
-async def in_time(work: Any, patience: float = PATIENCE) -> Any:
+async def in_time(work: Any, patience: float = PATIENCE) -> StrictJSON:
     """What comes of it; 503 where it takes too long."""
     try:
-        return await asyncio.wait_for(work, patience)
+        return StrictJSON(await asyncio.wait_for(work, patience))
     except TimeoutError as error:
         raise HTTPException(503, f"no answer within {patience:g} s: the twin is busy") from error
 
@@ -81,32 +82,28 @@ def looks(app: FastAPI, service: Service) -> None:
     async def history(
         name: str, first: float, last: float, width: Width = 800,
         signal: Annotated[Sequence[str], Query(max_length=64)] = (),
-    ) -> Any:  # fmt: skip
+    ) -> StrictJSON:  # fmt: skip
         """A span of time [s] in ``width`` pixels: least and largest value of each, by signal."""
         runner = found_at(service, name)
         return await in_time(_history(runner, Span.of(first, last, width), signal))
 
     @app.get("/api/v1/twins/{name}/scene")
-    async def scene(name: str) -> Mapping[str, Any]:
+    async def scene(name: str) -> StrictJSON:
         """What its machine looks like: the joints of an arm, or the pose of a base."""
-        runner = found_at(service, name)
-        found: Mapping[str, Any] = await in_time(runner.ask(lambda work: work.scene))
-        return found
+        return await in_time(found_at(service, name).ask(lambda work: work.scene))
 
     @app.get("/api/v1/twins/{name}/engineering")
-    async def engineering(name: str) -> Mapping[str, Any]:
+    async def engineering(name: str) -> StrictJSON:
         """What is tuned, how often and why: breakdown, criticality, sensitivity, schedule."""
-        found: Mapping[str, Any] = await in_time(beside(found_at(service, name), engineered), LONG)
-        return found
+        return await in_time(beside(found_at(service, name), engineered), LONG)
 
     @app.get("/api/v1/twins/{name}/compare")
     async def compare(
         name: str, a: Annotated[int, Query(ge=0)], b: Annotated[int, Query(ge=0)], signal: str
-    ) -> Mapping[str, Any]:
+    ) -> StrictJSON:
         """Two versions over the newest rows: one output on one axis, every output run by run."""
         job = partial(compared, pair=Pair(a, b, signal))
-        found: Mapping[str, Any] = await in_time(beside(found_at(service, name), job), LONG)
-        return found
+        return await in_time(beside(found_at(service, name), job), LONG)
 
     @app.get("/api/v1/log")
     async def log(after: Annotated[int, Query(ge=0)] = 0) -> list[dict[str, object]]:

@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import json
 from collections.abc import Mapping
 from typing import Any
 
@@ -26,6 +25,7 @@ from evertwin.errors import StoreError, UsageError
 from evertwin.service.guard import PREFIX
 from evertwin.service.runner import Runner
 from evertwin.service.service import Service
+from evertwin.service.strict_json import encoded
 
 ALIVE = 5.0
 """Seconds of silence; then something is sent, and the token is looked at again."""
@@ -146,5 +146,5 @@ class _Reader:
         await self._send({"type": "alive", "twins": told})
 
     async def _send(self, message: Mapping[str, Any]) -> None:
-        text = json.dumps(message, allow_nan=False, separators=(",", ":"))
+        text = encoded(message).decode()
         await asyncio.wait_for(self._socket.send_text(text), SLOW)

@@ -46,7 +46,7 @@ export const of = (twin, rest = "") => `/api/v1/twins/${encodeURIComponent(twin)
 
 /** The newest rows of a twin, each once, in order of their numbers. */
 export class Rows {
-  constructor(most = 20000) {
+  constructor(most = 10000) {
     this.most = most;
     this.clear();
   }
