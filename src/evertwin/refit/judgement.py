@@ -15,6 +15,7 @@ from evertwin.gauges.gauge_rows import unchanged
 from evertwin.gauges.noise import buried
 from evertwin.setup.evaluation import falls_short
 from evertwin.setup.setup import Setup
+from evertwin.setup.task import Task
 from evertwin.tuning import Fit, Problem, solve
 from evertwin.tuning.recordings import beginning
 
@@ -40,24 +41,42 @@ def partly(names: Sequence[str], editable: Sequence[str]) -> Verdict:
 def judged(setup: Setup, problem: Problem, fit: Fit) -> Verdict:
     """Normal, abnormal or noise, with the cause that explains most; and what a form waits for."""
     found = _judged(setup, problem, fit)
-    later = _too_early(setup, problem) if found.kind == "abnormal" else ""
-    return replace(found, reason=found.reason + later) if later else found
+    seconds = too_early(setup, problem) if found.kind == "abnormal" else 0.0
+    if not seconds:
+        return found
+    later = (
+        f"; a correction is looked for from {Selection().least} predictions of "
+        f"{setup.horizon:g} s on, in {seconds:.0f} s of such rows"
+    )
+    return replace(found, reason=found.reason + later)
 
 
-def _too_early(setup: Setup, problem: Problem) -> str:
-    """That a correction is not looked for on so few predictions, and how long that takes."""
-    rule, horizon, least = setup.spec.correction, setup.horizon, Selection().least
+def of_the_form(task: Task, verdict: Verdict) -> bool:
+    """Is it the form? That looks as if the machine changed where it never held."""
+    return verdict.kind == "abnormal" and not verdict.cause and not task.held
+
+
+def numbers_first(
+    setup: Setup, problem: Problem, task: Task, verdict: Verdict, part: float
+) -> bool:
+    """Are tuned numbers that help, by a part of the deviation, tried before another form is looked
+    for? They explain nearly all, or there are too few rows to look for one."""
+    if verdict.kind == "abnormal" and too_early(setup, problem):
+        return True
+    seconds = sum(float(block.t[-1] - block.t[0]) * 1e-9 for block in task.windows)
+    ample = of_the_form(task, verdict) and seconds >= Selection().least * setup.horizon
+    return part >= NEARLY_ALL and not ample
+
+
+def too_early(setup: Setup, problem: Problem) -> float:
+    """How long a correction is not looked for yet, on so few predictions [s]; 0: it is."""
+    rule, horizon = setup.spec.correction, setup.horizon
     if setup.static or rule.translated or not (rule.terms and math.isfinite(horizon)):
-        return ""
+        return 0.0
     with np.errstate(all="ignore"):
         place = likely(unchanged(problem))  # rows before a change are of another machine
     seconds = sum(float(w.dt.sum()) for w in split(problem.windows, place)[1])
-    if seconds >= least * horizon:
-        return ""
-    return (
-        f"; a correction is looked for from {least} predictions of {horizon:g} s on, in "
-        f"{least * horizon - seconds:.0f} s of such rows"
-    )
+    return max(Selection().least * horizon - seconds, 0.0)
 
 
 def _judged(setup: Setup, problem: Problem, fit: Fit) -> Verdict:

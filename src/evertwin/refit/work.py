@@ -17,7 +17,6 @@ import numpy as np
 
 from evertwin.anomaly.verdict import Verdict, explained
 from evertwin.config.spec import TwinSpec
-from evertwin.correction.improve import Selection
 from evertwin.errors import DataError, ModelError, TooFew, UsageError
 from evertwin.fold import plain
 from evertwin.gauges.change import split, suddenly
@@ -44,7 +43,7 @@ from evertwin.refit.answering import (
 from evertwin.refit.channels import caveats, of_a_channel
 from evertwin.refit.correcting import sought
 from evertwin.refit.fewest import fewest
-from evertwin.refit.judgement import NEARLY_ALL, judged, partly
+from evertwin.refit.judgement import judged, numbers_first, of_the_form, partly
 from evertwin.refit.named_cause import named_first
 from evertwin.refit.newest import after, newer, newest
 from evertwin.refit.physical import embodied, passive
@@ -251,7 +250,7 @@ class Work(Tuner):
             "events": events, "fit": fit.to_dict(timing=False), "tuned": True, **rounds,
         }  # fmt: skip
         helps = verdict.kind != "abnormal" or verdict.alone or self._helps(verdict, fit)
-        first = helps and part >= NEARLY_ALL and not self._ample(task, verdict)
+        first = helps and numbers_first(self.setup, problem, task, verdict, part)
         if verdict.kind == "abnormal" and self._next() and not first:
             content["candidate"] = self._named(verdict, version, problem, events)
             content |= {} if content["candidate"] else {"next": self._next()}
@@ -259,7 +258,7 @@ class Work(Tuner):
             found = self.tuned(version, problem, fit, problem.windows, events)
             said = acting(chosen, problem, fit).said + alike
             content["candidate"] = found and found | {"reason": found["reason"] + said}
-        return content if _wrong(task, verdict) else content | since
+        return content if of_the_form(task, verdict) else content | since
 
     def _named(
         self, verdict: Verdict, version: Version, problem: Problem, events: list[dict[str, Any]]
@@ -308,11 +307,6 @@ class Work(Tuner):
     def _next(self) -> str | None:
         """The form of a static map has ladders of its own."""
         return "correct" if self.setup.spec.correction.terms and not self.setup.static else None
-
-    def _ample(self, task: Task, verdict: Verdict) -> bool:
-        """Is the form wrong, and are there rows enough to look for terms?"""
-        seconds = sum(float(block.t[-1] - block.t[0]) * 1e-9 for block in task.windows)
-        return _wrong(task, verdict) and seconds >= Selection().least * self.setup.horizon
 
     def correct(self, task: Task) -> dict[str, Any]:
         """Searches for terms on top of the version's form: of one that held, on the rows since it
@@ -393,8 +387,3 @@ class Work(Tuner):
             return np.zeros((0, 2))
         u = np.concatenate([w.u[:, columns] for w in windows])
         return np.stack([np.nanmin(u, axis=0), np.nanmax(u, axis=0)], axis=1)
-
-
-def _wrong(task: Task, verdict: Verdict) -> bool:
-    """Is it the form? That looks as if the machine changed where it never held."""
-    return verdict.kind == "abnormal" and not verdict.cause and not task.held
