@@ -154,6 +154,17 @@ def test_perfect_and_absent_losses() -> None:
     assert stage.step(stage.init(), np.zeros((0, 2)))[1] is None
 
 
+def test_what_runs_away_is_worse_than_what_does_not() -> None:
+    stage, away = Trial(horizon=2.0), np.tile([np.inf, 1.0], (15, 1))
+    state, verdict = stage.step(stage.init(), away)
+    more, why = stage.to_come(state)
+    assert verdict is None and more is not None and not why
+    assert stage.step(state, away)[1] == "promote"
+    assert stage.step(stage.init(), np.tile([1.0, np.inf], (60, 1)))[1] == "reject"
+    both = stage.step(stage.init(), np.full((60, 2), np.inf))[0]
+    assert stage.to_come(both) == (None, "the gain is below 5 %")
+
+
 def test_the_limit_ends_a_trial() -> None:
     stage = Trial(horizon=2.0, limit=50)
     state, verdict = stage.step(stage.init(), np.ones((80, 2)))

@@ -153,6 +153,8 @@ def explained(fit: Fit, noise: np.ndarray) -> float:
     """Share of the sum of squares that a fit takes away, outputs weighted by their ``noise``."""
     rows = np.array([r.rows for r in fit.residuals], dtype=np.float64)
     rms = np.array([(r.rms_before, r.rms_after) for r in fit.residuals]).T
+    if np.isinf(rms).any():  # what ran away and does so no more is explained altogether
+        return float(not np.isinf(rms[1]).any())
     # the noise of exact data is no number to divide by: beside the rounding of what it weighs
     noise = np.maximum(noise, np.finfo(np.float64).eps * np.fmax(*rms))
     before, after = np.nansum(rows * (rms / np.where(noise > 0, noise, 1.0)) ** 2, axis=1)

@@ -47,6 +47,7 @@ from evertwin.tuning import (
     started,
     told_apart,
 )
+from evertwin.tuning.curvature import unbent
 from evertwin.tuning.hidden_starts import begun
 from evertwin.tuning.interrupt import Interrupt
 from evertwin.tuning.least_trimmed import trimmed
@@ -156,7 +157,7 @@ def _sure(setup: Setup, formed: Formed) -> Fit:
         names = tuple(name for name, on in zip(fit.names, free, strict=True) if on)
         problem = leaning(problem.tuning(names), fit.p, within)
         near = solve(problem)
-    sure = stepped(problem, repeated(problem, carried(problem, near)))
+    sure = unbent(problem, stepped(problem, repeated(problem, carried(problem, near))))
     sure = moved(problem, sure, joined(formed.problem))
     return told(fit, sure, formed.problem.parameters) if near is not fit else sure
 

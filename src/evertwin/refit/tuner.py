@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from evertwin.anomaly.verdict import Verdict
 from evertwin.errors import DataError, ModelError, TooFew
 from evertwin.gauges.change import changed, split
 from evertwin.gauges.gauge_rows import Rows
@@ -16,7 +17,7 @@ from evertwin.ledger.versions import Versions
 from evertwin.models import Model
 from evertwin.models.corrected import Corrected
 from evertwin.models.form import Version
-from evertwin.refit.answering import changed_since
+from evertwin.refit.answering import changed_since, event, not_told
 from evertwin.refit.judgement import NEARLY_ALL
 from evertwin.refit.physical import physically
 from evertwin.setup.evaluation import left
@@ -24,8 +25,11 @@ from evertwin.setup.setup import Setup
 from evertwin.setup.task import Task, Windows
 from evertwin.tuning import Fit, Iteration, Problem, Schedule, Settings, own_names
 from evertwin.tuning.assemble import rms
+from evertwin.tuning.curvature import unbent
 from evertwin.tuning.hidden_starts import kept_near, own_starts
+from evertwin.tuning.minima import lowest
 from evertwin.tuning.recordings import initials
+from evertwin.tuning.step_length import stepped
 from evertwin.types import Vector
 
 FIRST = (1.0, 0.5, 0.25, 0.125)
@@ -63,6 +67,13 @@ class Tuner:
             self.setup.spec.moving is not None and self.setup.spec.moving.tune,
             Settings(starts=self.setup.spec.tuning.starts, lenient=True), self.known,
         )  # fmt: skip
+
+    def posed(self, task: Task, windows: Windows, names: tuple[str, ...]) -> Problem:
+        """The same of a task's version. The numbers of one that never held may be far off: where
+        what is asked for is not reached from there they are sought elsewhere, ever less often."""
+        problem, tunings = self.problem(task.version, windows, names), task.tunings
+        seldom = task.held or tunings & (tunings - 1)
+        return problem if seldom else lowest(problem, self.holds)
 
     def begun(self, version: Version, windows: Windows) -> Version:
         """A version that held, with where states that nothing measures began in the first of these
@@ -135,6 +146,15 @@ class Tuner:
         own = tuple(n for n in model.parameters.editable if n not in base)
         few = tuple(n for n in own if isinstance(model, Corrected) and not model.on_grid(n))
         return tuple(n for n in self.setup.editable if n in model.parameters.names) + few
+
+    def sure(
+        self, problem: Problem, fit: Fit, verdict: Verdict, alike: str
+    ) -> tuple[Fit, list[dict[str, Any]]]:
+        """The fit with intervals that hold all the same; events: what it does not tell, and the
+        verdict, with what looks ``alike``."""
+        fit, said = unbent(problem, stepped(problem, fit)), verdict.reason + alike
+        told = event(verdict.kind, verdict.cause, said, verdict.evidence)
+        return fit, [*not_told(problem, fit), told]
 
     def rows(self, task: Task, problem: Problem, fit: Fit) -> Rows:
         """What hypotheses about a gauge are tested on, once ``problem`` is tuned."""

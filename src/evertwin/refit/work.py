@@ -36,7 +36,6 @@ from evertwin.refit.answering import (
     changed_since,
     event,
     goes_on,
-    not_told,
     of_a_sensor,
     undone,
 )
@@ -215,7 +214,7 @@ class Work(Tuner):
         other, few = at_once(rows, task.windows) if commissioned else (None, None)
         if other:
             return of_a_sensor(other, *events) | since
-        posed = self.problem(version, windows, names)
+        posed = self.posed(task, windows, names)
         if few is None and (named := named_first(self, task, posed, events)):
             return named | since
         problem, chosen = law_now(self.setup, posed, self.tune if commissioned else None)
@@ -241,8 +240,8 @@ class Work(Tuner):
         events += [goes_on(problem.windows)] if fit is not tuned[1] else []
         if commissioned and not rounds:
             problem, fit = fewest(self.setup, problem, fit, self.tune)
-        events += not_told(problem, fit)
-        events.append(event(verdict.kind, verdict.cause, verdict.reason + alike, verdict.evidence))
+        fit, said = self.sure(problem, fit, verdict, alike)
+        events += said
         part = explained(fit, fit.noise)
         if task.waits and (verdict.kind == "normal" or verdict.alone) and part < MUCH:
             raise TooFew(f"tuning explains {100 * part:.0f} % of the deviation so far")
@@ -256,8 +255,8 @@ class Work(Tuner):
             content |= {} if content["candidate"] else {"next": self._next()}
         elif helps and part >= self.setup.trial.margin:  # less would not be worth a switch
             found = self.tuned(version, problem, fit, problem.windows, events)
-            said = acting(chosen, problem, fit).said + alike
-            content["candidate"] = found and found | {"reason": found["reason"] + said}
+            more = acting(chosen, problem, fit).said + alike
+            content["candidate"] = found and found | {"reason": found["reason"] + more}
         return content if of_the_form(task, verdict) else content | since
 
     def _named(

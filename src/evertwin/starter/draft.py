@@ -30,6 +30,9 @@ PERIODS = ("ts", "dt", "t_s", "sampling_time", "sample_time")
 NAMED = 3
 """Recordings that are named in the first line."""
 EFFORTS = {"force", "torque"}
+TRIED, MOMENT = 100, 1e-6
+"""Predictions that a recording has to have room for: those that tell of a deviation, and those of a
+trial; the shortest [s]."""
 FASTEST = 200.0
 """Rows per second that a static map is resampled to at most: motion is slower."""
 
@@ -152,9 +155,15 @@ class Draft:
 
     @property
     def horizon(self) -> float:
-        """Of predictions [s]: a power of ten; ten rows or more where nothing is driven."""
-        period = (self.period or 0.01) * (0.1 if self._base else 1.0)
-        return max(1.0, float(f"{10 ** math.ceil(math.log10(10 * period)):g}"))
+        """Of predictions [s]: a power of ten; ten rows or more where nothing is driven. A recording
+        with no room for a trial of such ones has shorter ones, in steps of 1, 2 and 5, but of what
+        goes as far as it likes: so little of its way is noise."""
+        rows = 10.0 * (self.period or 0.01) * (0.1 if self._base else 1.0)
+        usual = max(1.0, float(f"{10 ** math.ceil(math.log10(rows)):g}"))
+        if self.static or self._goes or self.duration >= TRIED * usual:
+            return usual
+        room = max(step for step in _steps(usual) if step <= max(self.duration / TRIED, MOMENT))
+        return max(room, min(step for step in _steps(usual) if step >= rows))
 
     @property
     def duration(self) -> float:
@@ -210,7 +219,7 @@ class Draft:
         seen = self.seen[match.source]
         values = seen.values(match.column)
         rows = round(self.horizon / (self.period or self.horizon))
-        if (self._base or self.kind == "drive") and len(values) > rows:
+        if self._goes and len(values) > rows:
             values = values[rows:] - values[:-rows]
         values = values[np.isfinite(values)]
         size = float(np.ptp(np.quantile(values, (0.05, 0.95)))) if len(values) else 0.0
@@ -267,6 +276,10 @@ class Draft:
         return ("lag", *coupled, "table", "law")
 
     @property
+    def _goes(self) -> bool:
+        return self._base or self.kind == "drive"
+
+    @property
     def _base(self) -> bool:
         return self.kind in ("bicycle", "differential", "omni", "odometer", "robot1d")
 
@@ -312,6 +325,12 @@ class Draft:
             lines += [f"  {name}: {what}" for name, what in asked]
         lines.append(f"next: evertwin doctor {self.out}")
         return "\n".join(lines)
+
+
+def _steps(most: float) -> list[float]:
+    """1, 2 and 5 times powers of ten up to a power of ten [s]."""
+    powers = range(round(math.log10(MOMENT)), round(math.log10(most)) + 1)
+    return [step for k in powers for m in (1, 2, 5) if (step := float(f"{m}e{k}")) <= most]
 
 
 def _cut(question: str) -> tuple[str, str, str]:

@@ -13,6 +13,8 @@ from evertwin.trial.betting import evidence, place
 
 OPEN, OTHER, STAYS = 0, 1, 2
 """Undecided; the other version is better; it is not, or not within the limit."""
+ENDLESS = 1e75
+"""Deviation of a simulation that runs away: more than any other, and its square is a number."""
 
 
 @njit(cache=True)
@@ -38,17 +40,22 @@ def run(
     for i in range(losses.shape[0]):
         if tally[0] != OPEN:
             return
-        live, other = math.sqrt(losses[i, 0]), math.sqrt(losses[i, 1])
+        live, other = _deviation(losses[i, 0]), _deviation(losses[i, 1])
         place(live, other, rule[0], lengths, grid, ahead)
         place(other, live, 0.0, lengths, grid, back)
         sums[0] += live
         sums[1] += other
-        sums[2] += losses[i, 0]
-        sums[3] += losses[i, 1]
+        sums[2] += live * live
+        sums[3] += other * other
         for j in range(harm.shape[0]):
             harm[j] += losses[i, 2 + j]
         tally[1] += 1
         tally[0] = _verdict(rule, ahead, back, sums, harm, tally)
+
+
+@njit(cache=True)
+def _deviation(loss: float) -> float:
+    return min(math.sqrt(loss), ENDLESS)
 
 
 @njit(cache=True)
@@ -65,7 +72,7 @@ def since_better(
     for i in range(losses.shape[0]):
         if tally[0] != OPEN:
             return -1
-        live, other = math.sqrt(losses[i, 0]), math.sqrt(losses[i, 1])
+        live, other = _deviation(losses[i, 0]), _deviation(losses[i, 1])
         if sums[1] + other >= sums[0] + live:
             sums[:], tally[:] = 0.0, 0
             ahead[0][:], ahead[1][:], ahead[2][:] = 0.0, 0, 0.0
@@ -79,8 +86,8 @@ def since_better(
         place(live / whole, other / whole, rule[0], lengths, grid, ahead)
         sums[0] += live
         sums[1] += other
-        sums[2] += losses[i, 0]
-        sums[3] += losses[i, 1]
+        sums[2] += live * live
+        sums[3] += other * other
         tally[1] += 1
         enough = tally[1] >= rule[4] and harm[0] >= rule[5] and sums[1] <= (1.0 - rule[3]) * sums[0]
         if enough and evidence(ahead) >= rule[1]:

@@ -17,7 +17,9 @@ Searches from many places (`evertwin.tuning.scattered`) and on ever more of the 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
+from typing import TypeAlias
 
 import numpy as np
 
@@ -30,6 +32,8 @@ from evertwin.tuning.problem import Problem
 from evertwin.tuning.scattered import scattered
 from evertwin.types import PerOutput, Vector
 
+Enough: TypeAlias = Callable[[Problem, Vector], bool]
+
 PARTS, FEWEST = (1 / 32, 1 / 16, 1 / 8, 1 / 4, 0.36, 0.5, 0.6, 0.7, 0.8, 0.9), 20
 """Shares of each recording that are fitted before the whole, of so many rows at least: the longer a
 motion, the less its end forgives."""
@@ -41,15 +45,24 @@ NEAR = 1e-3
 """Relative change that ends a search on some of the rows: it only has to end near a minimum."""
 
 
-def lowest(problem: Problem) -> Problem:
-    """The problem; its search begins where a first one has led, or another that leaves less."""
+def lowest(problem: Problem, enough: Enough = lambda _, values: False) -> Problem:
+    """The problem; its search begins where a first one has led, or another that leaves less.
+
+    Args:
+        problem: what to tune, on what.
+        enough: whether a problem's values do, though more than noise is left.
+    """
     if problem.linear or separable(problem) or problem.settings.starts > 1:
         return problem
     with np.errstate(over="ignore", invalid="ignore"):  # what runs away is infinite
         values = least_squares(problem, problem.settings).values
-        if not _follows(problem, values):
-            values = _less(problem, values, scattered(problem, values, _follows))
-            if len(problem.model.states) and not _follows(problem, values):
+
+        def does(one: Problem, values: Vector) -> bool:
+            return enough(one, values) or _follows(one, values)
+
+        if not does(problem, values):
+            values = _less(problem, values, scattered(problem, values, does))
+            if len(problem.model.states) and not does(problem, values):
                 values = _less(problem, values, _grown(problem, values))
     begin = tuple(zip(problem.names, values.tolist(), strict=True))
     return replace(problem, settings=replace(problem.settings, begin=begin))

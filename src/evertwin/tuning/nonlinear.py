@@ -38,6 +38,8 @@ ROUNDS, SETTLED = 5, 0.1
 """Most searches, each with the noise that the one before left; its change that ends them."""
 ROUGH = 1e-3
 """Relative change of the cost that ends a search that is repeated anyway."""
+ENDLESS = 1e100
+"""What no weighted residual reaches that does not run away; its square is a number."""
 STOPPED = "stopped by the caller"
 DULL = 0.01
 """Change of the cost that no row would notice, once rows are weighed by their noise."""
@@ -107,7 +109,8 @@ class Objective:
         return r
 
     def jacobian(self, z: Any) -> Any:
-        """Differences inside the bounds, one roll-out per parameter, all at once."""
+        """Differences inside the bounds, one roll-out per parameter, all at once; none of what
+        runs away."""
         low, high = self.bounds
         points = []
         for j in range(len(z)):
@@ -124,7 +127,7 @@ class Objective:
             change = points[j][j] - z[j]
             with np.errstate(invalid="ignore"):
                 out[:, j] = (there - centre) / change if change else 0.0
-        return np.where(np.isfinite(out), out, 0.0)
+        return np.where(np.abs(out) < ENDLESS, out, 0.0)
 
     @property
     def bounds(self) -> tuple[Any, Any]:
@@ -161,7 +164,7 @@ def search(objective: Objective, method: str) -> Outcome:
     problem = objective.problem
     first = problem.residuals(objective.residual_values(np.zeros(len(objective.sizes))))
     objective.evaluations += 1
-    lost = ~np.isfinite(first) & problem.rows.used
+    lost = ~(np.abs(first) < ENDLESS) & problem.rows.used
     if lost.any():
         row, output = (int(i) for i in np.argwhere(lost)[0])
         name = problem.model.outputs.names[output]

@@ -58,7 +58,10 @@ def moved(problem: Problem, fit: Fit, terms: Mapping[str, tuple[str, ...]]) -> F
 
 
 def shifted(products: Float64[np.ndarray, "k k"], side: Vector) -> Vector:
-    """How far numbers move to make up for ``side``, (k,), whatever their units."""
+    """How far numbers move to make up for ``side``, (k,), whatever their units; not at all where
+    the sums are beyond reckoning."""
+    if not (np.isfinite(products).all() and np.isfinite(side).all()):
+        return np.zeros(len(side))
     size = np.sqrt(products.diagonal())
     size = np.where(size > 0.0, size, 1.0)
     unit = products / np.outer(size, size)

@@ -1,0 +1,81 @@
+"""Numbers that the rows bend with: what is so sensitive to them that no slope tells an interval.
+
+An interval is told by slopes: how predictions change with a number where it is. A ball that bounces
+a hundred times, or a simulation near the edge of running away, changes altogether within what its
+noise seems to leave open, so there other values fit as well, and some fit better. So each number is
+moved by that much, to either side, the others with it as they lean on it. Where predictions do not
+change as the slopes said, nothing is known of the number (Bates and Watts, "Relative curvature
+measures of nonlinearity", 1980).
+
+>>> from evertwin.fold import make_block
+>>> from evertwin.models import FunctionModel, Parameters
+>>> from evertwin.signals import Layout
+>>> from evertwin.tuning import solve
+>>> x = Layout.of(x="1")
+>>> def logistic(x, u, dt, p):
+...     return ([p[0] * x[0] * (1.0 - x[0])],) * 2
+>>> def told(growth):
+...     parameters = Parameters.of(growth=(growth, "1"))
+...     model = FunctionModel(logistic, Layout.of(u="1"), x, x, parameters)
+...     y = model.simulate(np.array([0.3]), np.zeros((60, 1)), np.ones(60), np.array([growth]))[1]
+...     y += np.random.default_rng(0).normal(0.0, 0.01, y.shape)
+...     problem = Problem(model, (make_block(t=10**9 * np.arange(60), u=0.0 * y, y=y),))
+...     return unbent(problem, solve(problem)).verdict
+>>> told(3.2), told(3.7)
+(('identifiable',), ('weak',))
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from evertwin.signals import wrap
+from evertwin.tuning.fit import Fit
+from evertwin.tuning.omitted import shifted
+from evertwin.tuning.problem import Problem
+from evertwin.types import Int64, Vector
+
+SIDE = 2.0
+"""Standard deviations by white noise that a number is moved by."""
+BENT = 1.0
+"""Share of the change by which predictions change otherwise that leaves nothing of the slopes."""
+WHY = "no interval holds: within it predictions change other than by their slopes"
+
+
+def unbent(problem: Problem, fit: Fit) -> Fit:
+    """The fit; numbers that predictions bend with have no interval, and are weak. Values stay."""
+    free = np.flatnonzero([verdict != "not" for verdict in fit.verdict])
+    if problem.linear or not len(free) or not fit.converged:
+        return fit
+    interval95, verdict, reasons = fit.interval95.copy(), [*fit.verdict], [*fit.reasons]
+    for k, share in zip(free.tolist(), _bent(problem, fit, free).tolist(), strict=True):
+        if share >= BENT:
+            interval95[k] = -np.inf, np.inf
+            verdict[k] = "weak"
+            reasons[k] = "; ".join(filter(None, (reasons[k], WHY)))
+    return replace(fit, interval95=interval95, verdict=tuple(verdict), reasons=tuple(reasons))
+
+
+def _bent(problem: Problem, fit: Fit, free: Int64[np.ndarray, " k"]) -> Vector:
+    """Share by which predictions change otherwise than by their slopes, on the worse side, (k,)."""
+    columns = problem.jacobian(fit.values)[:, :, free] / fit.noise[:, None]
+    used = problem.rows.used & np.isfinite(columns).all(axis=2)
+    columns = columns[used]
+    products, points = columns.T @ columns, list[Vector]()
+    if not np.isfinite(products).all():
+        return np.full(len(free), np.inf)
+    for one in np.eye(len(free)):
+        way = shifted(products, one)  # the others go with it, as they lean on it
+        by = SIDE * way / np.sqrt(max(float(one @ way), 1e-300))
+        for side in (by, -by):
+            points.append(fit.values.copy())
+            points[-1][free] = np.clip(points[-1][free] + side, *(b[free] for b in problem.bounds))
+    here, angles, shares = problem.predict(fit.values), problem.model.outputs.angles, []
+    for point, there in zip(points, problem.predictions(points), strict=True):
+        change = (wrap(there - here, angles) / fit.noise)[used]
+        slope = columns @ (point - fit.values)[free]
+        square = np.square(slope).sum()
+        shares.append(np.sqrt(np.square(change - slope).sum() / square) if square > 0.0 else 0.0)
+    return np.asarray(np.nan_to_num(shares, nan=np.inf).reshape(-1, 2).max(axis=1))
