@@ -302,7 +302,7 @@ def _placed(scans: Scans, sighted: Float64[np.ndarray, "n 3"]) -> tuple[Scans, l
 
 def _by_scans(scans: Scans, found: Followed) -> Float64[np.ndarray, "n 3"]:
     """Poses by the scans, without odometry where that gets in their way."""
-    share = float(np.mean(found.poses.fix == Fix.MATCHED))
+    share = float(np.mean((found.poses.fix == Fix.MATCHED) & (found.poses.slip == 0)))
     if share < OFTEN:
         alone = followed(scans, use_odometry=False, look_ahead=True).poses
         if np.mean(alone.fix == Fix.MATCHED) > share:

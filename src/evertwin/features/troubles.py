@@ -46,9 +46,9 @@ OTHER, MIDDLE = 0.15, 0.1
 differ in the middle half of the steps."""
 TURNED, TWISTED = 0.03, 0.25
 """Turn of a step that tells how far turns differ [rad], and how far that may in the middle half."""
-ASIDE, CERTAIN, ROUNDS = 0.05, 6.0, 10
-"""Way from which on a lidar is elsewhere than was said [m], in standard deviations; and rounds of
-weighing the steps."""
+ASIDE, FARTHEST, CERTAIN, ROUNDS = 0.1, 1.0, 6.0, 10
+"""Way from which on a lidar is elsewhere than was said, and up to which [m]; the same in standard
+deviations; and rounds of weighing the steps."""
 ASKEW = 0.05
 """Angle from which on a lidar looks elsewhere than was said [rad]."""
 
@@ -137,7 +137,7 @@ def lever(
         usual = float(weight @ left**2 / weight.sum())
         weight = 1 / (1 + (left / max(1.5 * np.median(np.abs(left)), 1e-3)) ** 2)  # Cauchy's
     spread = math.sqrt(usual * np.trace(np.linalg.inv(square)))
-    return found if np.hypot(*found) > max(ASIDE, CERTAIN * spread) else None
+    return found if max(ASIDE, CERTAIN * spread) < np.hypot(*found) < FARTHEST else None
 
 
 def scaled(poses: Float64[np.ndarray, "n 3"], wheels: Float64[np.ndarray, "n 3"]) -> str:
@@ -254,7 +254,7 @@ def straightened(scans: Scans) -> Scans:
     if scans.assumed or step == lidar.step:  # what is assumed was chosen so
         return scans
     said = (
-        f"walls are straight with the beams {abs(np.degrees(step)):.3g}° apart, not "
+        f"walls are straight where beams are {abs(np.degrees(step)):.3g}° apart, not "
         f"{abs(np.degrees(lidar.step)):.3g}° as is said: taken to be so"
     )
     start = lidar.start + 0.5 * (beams - 1) * (lidar.step - step)

@@ -48,7 +48,10 @@ from evertwin.sources.table import WIDEST, Column, Recording
 from evertwin.types import Stamps
 
 SCANS = ("FLASER", "RLASER", "ROBOTLASER1", "ROBOTLASER2", "RAWLASER1", "RAWLASER2")
-OFFSETS = {b"robot_frontlaser_offset": ("FLASER", 0.0), b"robot_rearlaser_offset": ("RLASER", math.pi)}
+OFFSETS = {
+    b"robot_frontlaser_offset": ("FLASER", 0.0),
+    b"robot_rearlaser_offset": ("RLASER", math.pi),
+}
 """Parameters that say how far ahead of the robot's middle a lidar is [m], and where it looks."""
 APART, LOOSE = 1e-3, 0.02
 """How far two poses differ that are not one, and by how much a fixed step varies [m, rad]."""

@@ -39,7 +39,9 @@ OTHER, CLEARLY, LIKELIER = 0.02, 30.0, 10.0
 few."""
 
 
-def beam_step(ranges: Float64[np.ndarray, "n beams"], step: float, among: Sequence[float] = ()) -> float:
+def beam_step(
+    ranges: Float64[np.ndarray, "n beams"], step: float, among: Sequence[float] = ()
+) -> float:
     """The step from beam to beam that walls tell [rad]: ``step`` where they do not clearly tell
     another.
 
