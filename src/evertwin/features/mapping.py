@@ -29,9 +29,11 @@ from evertwin.features.stream import Stream, Turned
 from evertwin.features.troubles import (
     ASKEW,
     askew,
+    lever,
     mirrored,
     overturned,
     scaled,
+    straightened,
     troubles,
     without_body,
     without_cover,
@@ -217,7 +219,7 @@ def mapped(scans: Scans, use_odometry: bool = True) -> Mapped:
             f"{scans.name}: half of the ranges are over {FARTHEST:.0f}: expected metres; are they "
             "in millimetres or centimetres?"
         )
-    odd = troubles(scans)
+    odd, scans = troubles(scans), straightened(scans)
     scans, (poses, took), said = _upright(without_cover(without_body(scans)), use_odometry)
     fused = streamed(scans, poses)
     poses = evened(poses, scans.odometry if use_odometry else None)
@@ -254,28 +256,53 @@ def _upright(scans: Scans, use_odometry: bool) -> tuple[Scans, Followed, list[st
         return scans, found, said
     if mirrored(_by_scans(scans, found), wheels):
         one = scans.lidar
-        scans = replace(scans, lidar=replace(one, start=-one.start, step=-one.step))
-        said.append("the scans turn against the odometry: the beams are taken the other way round")
+        if scans.handed:
+            wheels = wheels * [1.0, -1.0, -1.0]
+            scans, what = replace(scans, odometry=wheels), "its turns"
+        else:
+            scans = replace(scans, lidar=replace(one, start=-one.start, step=-one.step))
+            what = "the beams"
+        said.append(f"the scans turn against the odometry: {what} are taken the other way round")
         found = followed(scans, use_odometry, look_ahead=True)
     sighted = _by_scans(scans, found)
-    factors = scaled(found.poses.sighted, wheels), overturned(sighted, wheels, scans.lidar.step)
-    said += filter(None, factors)
-    angle = askew(sighted, wheels)
-    if angle is None or abs(angle) < ASKEW:
+    said += filter(None, (scaled(sighted, wheels), overturned(sighted, wheels, scans.lidar.step)))
+    turned, how = _placed(scans, sighted)
+    if turned is scans:
         return scans, found, said
+    return turned, followed(turned, use_odometry, look_ahead=True), [*said, *how]
+
+
+def _placed(scans: Scans, sighted: Float64[np.ndarray, "n 3"]) -> tuple[Scans, list[str]]:
+    """With the lidar where scans and odometry together say that it is, and what is said of it."""
+    wheels, said = scans.odometry, list[str]()
+    assert wheels is not None
     x, y, turn = scans.lidar.mount
-    turned = replace(scans, lidar=replace(scans.lidar, mount=(x, y, turn + angle)))
-    side = "left" if angle > 0 else "right"
-    said.append(
-        f"by its scans and odometry the lidar looks {abs(np.degrees(angle)):.0f}° further to the "
-        f"{side} than was said: taken to do so"
-    )
-    return turned, followed(turned, use_odometry, look_ahead=True), said
+    angle = askew(sighted, wheels)
+    if angle is not None and abs(angle) >= ASKEW:
+        turn += angle
+        side = "left" if angle > 0 else "right"
+        said.append(
+            f"by its scans and odometry the lidar looks {abs(np.degrees(angle)):.0f}° further to "
+            f"the {side} than was said: taken to do so"
+        )
+    aside = lever(sighted, wheels) if not said else None
+    if aside is not None:
+        said.append(
+            f"by its scans and odometry the lidar is {aside[0]:.2f} m ahead and {aside[1]:.2f} m to"
+            " the left of where was said: taken to be there"
+        )
+        if scans.handed:  # poses are the lidar's
+            there = np.broadcast_to(np.array([*aside, 0.0]), wheels.shape)
+            return replace(scans, odometry=compose(wheels, there)), said
+        x, y = x + float(aside[0]), y + float(aside[1])
+    if not said:
+        return scans, said
+    return replace(scans, lidar=replace(scans.lidar, mount=(x, y, turn))), said
 
 
 def _by_scans(scans: Scans, found: Followed) -> Float64[np.ndarray, "n 3"]:
     """Poses by the scans, without odometry where that gets in their way."""
-    share = float(np.mean(found.poses.fix == Fix.MATCHED))
+    share = float(np.mean((found.poses.fix == Fix.MATCHED) & (found.poses.slip == 0)))
     if share < OFTEN:
         alone = followed(scans, use_odometry=False, look_ahead=True).poses
         if np.mean(alone.fix == Fix.MATCHED) > share:

@@ -67,7 +67,7 @@ class Fit(NamedTuple):
     """A scan at a pose of the map.
 
     >>> Fit._fields
-    ('pose', 'share', 'covariance', 'sighting', 'worth', 'unseen', 'others')
+    ('pose', 'share', 'covariance', 'sighting', 'worth', 'told', 'unseen', 'others')
     """
 
     pose: Pose
@@ -77,6 +77,8 @@ class Fit(NamedTuple):
     """What the scan alone says."""
     worth: float = 0.0
     """Logarithm of how likely the scan is there and this place was, up to a constant."""
+    told: float = 0.0
+    """The same of the scan alone."""
     unseen: float = 0.0
     """Share of the scan that lies where the map has nothing."""
     others: Float64[np.ndarray, "3 3"] = np.zeros((3, 3))
@@ -186,7 +188,7 @@ def ranked(scan: Surface, view: Known, expected: Expected, sure: float) -> list[
     told = [likelihood(some, len(some), *view, one.pose) for one in fits]
     likely = len(some) / ALIKE * np.array([mean for mean, _ in told])
     fits = [
-        one._replace(worth=float(mean + p), unseen=unseen)
+        one._replace(worth=float(mean + p), told=float(mean), unseen=unseen)
         for one, mean, p, (_, unseen) in zip(fits, likely, prior, told, strict=True)
     ]
     kept: list[Fit] = []

@@ -99,6 +99,9 @@ AGAIN = 0.05
 """The same for a robot that was lost: rooms have places that are alike."""
 FOUND = 0.6
 """Share of a scan from which on a lost robot is found again."""
+CONTENT, AGAINST = 0.9, 5.0
+"""Share of a scan below which wheels that lead there may be wrong; and logarithm of how much likelier
+the scan must then be elsewhere."""
 FAR, OPEN = 1.0, 0.5
 """Spread of a pose from which on it is none: by the wheels, and by habit alone [m]."""
 FIRM = 0.1
@@ -141,6 +144,8 @@ class Following(NamedTuple):
     """Scans since the newest keyframe."""
     often: float = 1.0
     """Scans from keyframe to keyframe, of late."""
+    denied: bool = False
+    """Did its last scan tell a place, but none that its wheels led to?"""
 
 
 class Row(NamedTuple):
@@ -246,6 +251,16 @@ class ScanMatcher:
             here.append(one)
             enough = FOUND if astray else max(least * (1 - one.unseen * blind), NONE)
             good += [one] * (one.share >= enough)
+        told = max((one.told for one in good), default=-math.inf)
+        content = max((one.share for one in good), default=0.0) >= CONTENT
+        denied = list[Fit]()
+        if telling and not (blind or content or state.lost > BRIEFLY):
+            denied, alone = self._denied(
+                state, scan, view, came._replace(moved=moved - before), fit
+            )
+            if denied and denied[0].told - AGAINST * (1 - state.denied) > told:
+                good, ahead, blind = denied, alone, True
+        state = state._replace(denied=good is denied)
         way = math.nan if blind else float(np.hypot(*(moved - before)[:2]))
         for one in good:
             ring = state.map if one is good[-1] else copied(state.map)
@@ -257,6 +272,17 @@ class ScanMatcher:
             carried = blind or through
             worth = math.log(UNSEEN) * SOME / ALIKE if telling else 0.0
             yield *self._unmatched(state, scan if telling else None, ahead, carried, share), worth
+
+    def _denied(
+        self, state: Following, scan: Surface, view: Known, went: Came, fit: Matching
+    ) -> tuple[list[Fit], Belief]:
+        """Where a scan fits well, had the wheels said nothing; and what was expected then."""
+        ranges, moved, dt = went
+        ahead, expected = _expected(state, moved * [np.nan, np.nan, np.nan, 1.0], True, dt)
+        expected = expected._replace(shared=max(state.often, state.since) - 1)
+        fits = [one for one in fit(scan, view, expected, SURE) if one.share >= FAMILIAR]
+        usual = [one for one in fits if expected.square(one.pose) < UNUSUAL]
+        return [one for one in usual if not self._elsewhere(one, ranges, view, True)], ahead
 
     def _unmatched(
         self, state: Following, scan: Surface | None, ahead: Belief, carried: bool, share: float
@@ -318,8 +344,8 @@ class ScanMatcher:
             habits = habits.learnt(step)
         state = state._replace(map=ring, belief=found.belief, habits=habits, lost=0, carried=False)
         row = Row(
-            pose.copy(), spread, Fix.MATCHED, fit.share, state.segment, fit.sighting, found.slip,
-            found.belief.scale,
+            pose.copy(), spread, Fix.MATCHED, fit.share, state.segment, fit.sighting,
+            found.slip or state.denied, found.belief.scale,
         )  # fmt: skip
         if _off(spread, OPEN if blind else FAR):  # walls alike all along the way
             state = state._replace(open=state.open + 1)

@@ -9,6 +9,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from itertools import pairwise
 
@@ -17,6 +18,7 @@ import numpy as np
 from evertwin.features.scan_matcher import BLOCKED, MOST_NEAR, STANDING
 from evertwin.signals.planar import between, wrapped
 from evertwin.sources.scans import Scans
+from evertwin.sources.straight_walls import beam_step
 from evertwin.types import Float64
 
 SEES = 0.1
@@ -44,6 +46,9 @@ OTHER, MIDDLE = 0.15, 0.1
 differ in the middle half of the steps."""
 TURNED, TWISTED = 0.03, 0.25
 """Turn of a step that tells how far turns differ [rad], and how far that may in the middle half."""
+ASIDE, FARTHEST, CERTAIN, ROUNDS = 0.1, 1.0, 6.0, 10
+"""Way from which on a lidar is elsewhere than was said, and up to which [m]; the same in standard
+deviations; and rounds of weighing the steps."""
 ASKEW = 0.05
 """Angle from which on a lidar looks elsewhere than was said [rad]."""
 
@@ -102,6 +107,37 @@ def askew(poses: Float64[np.ndarray, "n 3"], wheels: Float64[np.ndarray, "n 3"])
     off = np.arctan2(other[tells, 1], other[tells, 0]) - np.arctan2(one[tells, 1], one[tells, 0])
     mean = complex(np.exp(1j * off).mean())
     return float(wrapped(np.angle([mean]))[0]) if abs(mean) > AGREE else None
+
+
+def lever(
+    poses: Float64[np.ndarray, "n 3"], wheels: Float64[np.ndarray, "n 3"]
+) -> Float64[np.ndarray, " 2"] | None:
+    """How far the lidar is ahead and to the left of where was said [m]; None: not clearly so.
+
+    A lidar beside the middle goes along with every turn: the step that it sees is the wheels' and
+    (R - 1) times its place.
+
+    >>> way = np.column_stack([0.1 * np.arange(30.0), np.zeros(30), 0.3 * np.sin(np.arange(30.0))])
+    >>> seen = way + np.column_stack([0.3 * np.cos(way[:, 2]), 0.3 * np.sin(way[:, 2]), way[:, 0] * 0])
+    >>> lever(seen, way).round(2).tolist()
+    [0.3, 0.0]
+    """
+    one, other = (between(p[:-1], p[1:]) for p in (poses, wheels))
+    turn, off = other[:, 2], (one - other)[:, :2]
+    told = np.isfinite(off).all(axis=1) & (np.abs(turn) > TURNED)
+    if told.sum() < ENOUGH:
+        return None
+    c, s = np.cos(turn[told]) - 1, np.sin(turn[told])
+    a, b = np.concatenate([np.stack([c, -s], 1), np.stack([s, c], 1)]), off[told].T.ravel()
+    found, weight = np.zeros(2), np.ones(len(b))
+    for _ in range(ROUNDS):
+        square = a.T @ (weight[:, None] * a)
+        found = np.linalg.solve(square, a.T @ (weight * b))
+        left = b - a @ found
+        usual = float(weight @ left**2 / weight.sum())
+        weight = 1 / (1 + (left / max(1.5 * np.median(np.abs(left)), 1e-3)) ** 2)  # Cauchy's
+    spread = math.sqrt(usual * np.trace(np.linalg.inv(square)))
+    return found if max(ASIDE, CERTAIN * spread) < np.hypot(*found) < FARTHEST else None
 
 
 def scaled(poses: Float64[np.ndarray, "n 3"], wheels: Float64[np.ndarray, "n 3"]) -> str:
@@ -209,3 +245,18 @@ def without_cover(scans: Scans) -> Scans:
     return replace(
         scans, ranges=np.where(covered, np.nan, ranges), findings=(*scans.findings, *said[:MOST])
     )
+
+
+def straightened(scans: Scans) -> Scans:
+    """With the beams as far apart as walls tell, where they clearly are not as is said."""
+    lidar, beams = scans.lidar, scans.ranges.shape[1]
+    step = beam_step(scans.ranges, lidar.step)
+    if scans.assumed or step == lidar.step:  # what is assumed was chosen so
+        return scans
+    said = (
+        f"walls are straight where beams are {abs(np.degrees(step)):.3g}° apart, not "
+        f"{abs(np.degrees(lidar.step)):.3g}° as is said: taken to be so"
+    )
+    start = lidar.start + 0.5 * (beams - 1) * (lidar.step - step)
+    lidar = replace(lidar, start=start, step=step)
+    return replace(scans, lidar=lidar, findings=(*scans.findings, said))

@@ -7,11 +7,14 @@
 Ranges and poses are in metres and radians. ``FLASER`` says nothing of its angles: a SICK's 180 and
 181 beams are a degree apart, 360 and 361 half a degree, others share half a turn; the first looks
 to the right (of 181, a log of 180 leaves the last out). Where the first beam and the last see the
-same, they are taken to share a whole turn. The largest value that keeps returning means that
+same, they are taken to share a whole turn; where walls are straight at another angle, that one. The largest value that keeps returning means that
 nothing came back. Logs that went through a mapping program carry its poses in place of the wheels':
-so odometry is taken from ``ODOM`` lines alone. GMapping sets it back to its own pose at every scan,
-by an ``ODOM`` line without a stamp: only the steps between are the wheels', and they are chained
-anew.
+so odometry is taken from ``ODOM`` lines, or from the second pose of each scan where the first, the
+lidar's, does not go along with it. GMapping sets odometry back to its own pose at every scan, by an
+``ODOM`` line without a stamp: only the steps between are the wheels', and they are chained anew.
+
+Poses are the lidar's. Where it is on the machine, the two poses of each scan say, or a parameter;
+odometry is told of the lidar, too.
 """
 
 from __future__ import annotations
@@ -19,6 +22,7 @@ from __future__ import annotations
 import gzip
 import math
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -26,7 +30,7 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.errors import DataError
-from evertwin.signals.planar import between, chained
+from evertwin.signals.planar import between, chained, compose
 from evertwin.sources.arrays import LARGEST, ArrayTable
 from evertwin.sources.foreign import foreign
 from evertwin.sources.scans import (
@@ -38,14 +42,24 @@ from evertwin.sources.scans import (
     increasing,
     mended,
 )
+from evertwin.sources.straight_walls import beam_step
 from evertwin.sources.stamps import NO_STAMP, texts, to_ns
 from evertwin.sources.table import WIDEST, Column, Recording
 from evertwin.types import Stamps
 
 SCANS = ("FLASER", "RLASER", "ROBOTLASER1", "ROBOTLASER2", "RAWLASER1", "RAWLASER2")
+OFFSETS = {
+    b"robot_frontlaser_offset": ("FLASER", 0.0),
+    b"robot_rearlaser_offset": ("RLASER", math.pi),
+}
+"""Parameters that say how far ahead of the robot's middle a lidar is [m], and where it looks."""
+APART, LOOSE = 1e-3, 0.02
+"""How far two poses differ that are not one, and by how much a fixed step varies [m, rad]."""
 NO_RETURN = 81.8
 """From here on a SICK LMS, which most of these logs were made with, states error codes [m]."""
 
+SHARED = (100.0, 240.0, 270.0, 360.0)
+"""What beams may share besides half a turn [°]."""
 MANY, NEIGHBOURS = 30, 0.9
 """Scans from which on two beams are neighbours: where the logarithms of their ranges have this
 correlation."""
@@ -76,10 +90,16 @@ class _Lines:
     scans: dict[str, list[_Scan]] = field(default_factory=dict)
     odometry: list[tuple[int, list[float], bytes]] = field(default_factory=list)
     damaged: dict[str, list[tuple[int, str]]] = field(default_factory=dict)
+    mounts: dict[str, np.ndarray] = field(default_factory=dict)
 
     def take(self, number: int, line: bytes) -> None:
         word, *cells = line.split() or [b""]
         name = word.decode("ascii", "replace")
+        if name == "PARAM" and len(cells) > 1 and cells[0] in OFFSETS:
+            lidar, turn = OFFSETS[cells[0]]
+            with suppress(ValueError):  # else it says nothing
+                self.mounts[lidar] = np.array([math.cos(turn) * _finite(cells[1:2])[0], 0.0, turn])
+            return
         if name not in SCANS and name != "ODOM":
             return
         try:
@@ -143,7 +163,10 @@ def open_carmen(path: Path) -> Recording:
              for name, bad in lines.damaged.items()]  # fmt: skip
     odometry, said = _odometry(lines)
     notes += said
-    scans = tuple(_scans(name, found, odometry, notes) for name, found in lines.scans.items())
+    scans = tuple(
+        _scans(name, found, (odometry, lines.mounts.get(name)), notes)
+        for name, found in lines.scans.items()
+    )
     tables = [_poses(path, one, lines.scans[one.name]) for one in scans]
     if lines.odometry:
         names = ["x", "y", "theta", "speed", "turn", "acceleration"]
@@ -195,8 +218,16 @@ def _odometry(lines: _Lines) -> tuple[_Odometry | None, list[str]]:
     return _Odometry(number[keep], t[keep], chained(poses[0], steps)[keep]), [said]
 
 
-def _scans(name: str, found: list[_Scan], odometry: _Odometry | None, notes: list[str]) -> Scans:
-    """The scans of one lidar; those with another number of beams are left out."""
+def _scans(
+    name: str,
+    found: list[_Scan],
+    moved: tuple[_Odometry | None, np.ndarray | None],
+    notes: list[str],
+) -> Scans:
+    """The scans of one lidar; those with another number of beams are left out.
+
+    ``moved``: odometry, and where a parameter says that the lidar is.
+    """
     counts = np.array([len(scan.ranges) for scan in found])
     usual = int(np.bincount(counts).argmax())
     others = int((counts != usual).sum())
@@ -210,37 +241,72 @@ def _scans(name: str, found: list[_Scan], odometry: _Odometry | None, notes: lis
     ranges[~((ranges > 0) & (ranges < longest))] = np.nan
     raw = to_ns(texts([scan.stamp for scan in found]), "s")
     t, kept = mended(raw)
-    findings = list(_clock(raw, kept))
-    wheels = None if odometry is None else _beside(found, t, bool(kept.any()), odometry)
     stated = None
     if all(scan.poses for scan in found):
-        both = np.array([scan.poses for scan in found])
-        stated = both[:, :3]
-        if np.abs(both[:, :3] - both[:, 3:]).max() < 1e-3:
-            findings.append(
-                "the poses of lidar and odometry are the same in every line: what is called "
-                "odometry may be the result of a mapping program, and is not used"
-                + ("" if odometry is None else "; the lines of odometry alone are")
-            )
+        stated = np.array([scan.poses[:3] for scan in found])
+    odometry, mount = moved
+    wheels = None if odometry is None else _beside(found, t, bool(kept.any()), odometry)
+    wheels, said = _of_lidar(found, wheels, mount)
     step, assumed = _assumed(name, ranges)
     lidar = Lidar.ahead(usual, step, longest)
     if found[0].angles is not None:
         lidar, assumed = Lidar(*found[0].angles[:2], longest), ""
+    findings = (*_clock(raw, kept), *said)
     return Scans(
-        name, t, ranges, lidar, wheels, stated, bool(kept.any()), tuple(findings), assumed=assumed
-    )
+        name, t, ranges, lidar, wheels, stated, bool(kept.any()), findings, assumed=assumed,
+        handed=True,
+    )  # fmt: skip
+
+
+def _of_lidar(
+    found: list[_Scan], wheels: Poses | None, mount: np.ndarray | None
+) -> tuple[Poses | None, list[str]]:
+    """Odometry of the lidar at each scan, and what is said of the two poses of each.
+
+    ``wheels``: by ``ODOM`` lines. ``mount``: by a parameter.
+    """
+    said = []
+    if all(scan.poses for scan in found):
+        both = np.array([scan.poses for scan in found]).reshape(-1, 2, 3)
+        step = between(both[:, 1], both[:, 0])
+        fixed = np.median(step, axis=0)
+        if np.abs(step).max() < APART:
+            said.append(
+                "the poses of lidar and odometry are the same in every line: what is called "
+                "odometry may be the result of a mapping program, and is not used"
+                + ("" if wheels is None else "; the lines of odometry alone are")
+            )
+        elif np.quantile(np.abs(step - fixed).max(axis=1), 0.95) < LOOSE:
+            mount = fixed
+            said.append(
+                f"the lidar is {fixed[0]:.2f} m ahead and {fixed[1]:.2f} m to the left of the "
+                "robot's middle: poses are the lidar's"
+                + ("" if wheels is not None else "; what is called odometry goes along with them "
+                   "and may be the result of a mapping program: not used")
+            )  # fmt: skip
+        elif wheels is None:
+            wheels = both[:, 1]
+            said.append("the second pose of each line, which the first does not go along with, is "
+                        "taken for odometry")  # fmt: skip
+    if wheels is None or mount is None:
+        return wheels, said
+    return compose(wheels, np.broadcast_to(mount, wheels.shape)), said
 
 
 def _assumed(name: str, ranges: np.ndarray) -> tuple[float, str]:
     """The step from beam to beam of a lidar that does not say it [rad], and that it does not."""
     n = ranges.shape[1]
-    half = {180: 180, 181: 180, 360: 360, 361: 360}.get(n, max(n - 1, 1))
-    around = _all_around(ranges)
-    step = 2 * math.pi / (n - n % 2) if around else math.pi / half
-    why = ", as the first and the last see the same" if around else ""
-    return step, (
-        f"{name} says nothing of its angles: {n} beams are taken to share {360 if around else 180}°"
-        f", {math.degrees(step):.3g}° apart{why}; evertwin map --step takes others"
+    gaps = n if n in (180, 360) else max(n - 1, 1)
+    share, why = math.pi, ""
+    if _all_around(ranges):
+        gaps, share, why = n - n % 2, 2 * math.pi, ", as the first and the last see the same"
+    else:
+        step = beam_step(ranges, share / gaps, [math.radians(one) / gaps for one in SHARED])
+        share, before = step * gaps, share
+        why = ", as walls are straight then" if share != before else ""
+    return share / gaps, (
+        f"{name} says nothing of its angles: {n} beams are taken to share {math.degrees(share):.0f}"
+        f"°, {math.degrees(share / gaps):.3g}° apart{why}; evertwin map --step takes others"
     )
 
 

@@ -109,6 +109,8 @@ class Scans:
     """When each scan was logged, by the clock of `t`."""
     assumed: str = ""
     """What was taken for the beams' angles, as a sentence; empty: the recording says them."""
+    handed: bool = False
+    """Does the format itself fix which way the beams run, and that poses are the lidar's?"""
 
     @property
     def rate(self) -> float:
