@@ -15,7 +15,7 @@ import numpy as np
 from evertwin.models.form import Term
 from evertwin.models.parameters import Parameter
 from evertwin.models.terms.contract import (
-    SHAPED,
+    SIMPLE,
     Candidate,
     CorrectionTerm,
     Functions,
@@ -111,17 +111,17 @@ def _laws(c: str, u: Vector, reach: float) -> Iterator[Candidate]:
     typical = (0.1, 0.05 * reach, 0.2 * reach)
     slopes = [(1.0, 0.0, 1.5 * reach), (1.0, 0.0, 0.8 * reach)]
     instead = ("law", "table")
-    yield Candidate(Term("law", c), SHAPED, tuple(slopes), low, high, typical, replaces=instead)
+    yield Candidate(Term("law", c), SIMPLE, tuple(slopes), low, high, typical, replaces=instead)
     quiet = quiet_level(u)
     levels = (quiet,) if quiet > 0.0 else ()
     clamps = tuple((share * reach, *slope) for share in (0.1, 0.3) for slope in slopes)
     bounds = (0.0, *low), (0.6 * reach, *high), (0.05 * reach, *typical)
     clamp = Term("law", c, variant="clamp", levels=levels)
-    yield Candidate(clamp, SHAPED, clamps, *bounds, replaces=instead)
+    yield Candidate(clamp, SIMPLE, clamps, *bounds, replaces=instead)
     zones = tuple((threshold, *slope) for threshold in _thresholds(u, reach) for slope in slopes)
     if zones:
         zone = Term("law", c, variant="dead zone")
-        yield Candidate(zone, SHAPED, zones, *bounds, fixed=(0,), replaces=instead)
+        yield Candidate(zone, SIMPLE, zones, *bounds, fixed=(0,), replaces=instead)
 
 
 def _thresholds(u: Vector, reach: float) -> list[float]:
