@@ -37,8 +37,8 @@ from evertwin.signals.channels import Channel
 from evertwin.types import Bool, Float64, ParameterVector, StateVector, Vector
 
 SIMPLE, SHAPED, MIXED, FREE = 1, 2, 3, 4
-"""Tiers: a law of one input, or one or two numbers; one input limited by another, or a state; what
-multiplies two inputs; a table or a surface. Climbed in this order."""
+"""Tiers: few numbers of one input or of one and another; a state of its own; what multiplies two
+inputs; a table or a surface. Climbed in this order."""
 Intervals: TypeAlias = Mapping[str, tuple[float, float]]
 """95 % intervals by the local name of a parameter."""
 

@@ -15,7 +15,6 @@ from evertwin.models.form import Term
 from evertwin.models.parameters import Parameter
 from evertwin.models.terms.contract import (
     MIXED,
-    SHAPED,
     SIMPLE,
     Candidate,
     CorrectionTerm,
@@ -123,8 +122,8 @@ def _couplings(c: str, o: str, reach: float, other: float) -> Iterator[Candidate
     )  # fmt: skip
     cap, grip = 1 / reach, 1 / (reach * other)
     yield Candidate(
-        Term("coupling", c, o, "grip"), SHAPED, ((1.0, 0.3 * cap, 0.3 * grip),), (0.2, 0.0, 0.0),
-        (3.0, 10 * cap, 30 * grip), (0.1, 0.3 * cap, 0.3 * grip), replaces=("coupling",),
+        Term("coupling", c, o, "grip"), SIMPLE, ((1.0, 0.3 * cap, 0.3 * grip),), (0.2, 0.0, 0.0),
+        (3.0, 10 * cap, 30 * grip), (0.1, 0.3 * cap, 0.3 * grip), replaces=("coupling", "law"),
     )  # fmt: skip
 
 

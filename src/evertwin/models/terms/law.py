@@ -110,7 +110,7 @@ def _laws(c: str, u: Vector, reach: float) -> Iterator[Candidate]:
     low, high = (0.2, -0.5 * reach, 0.2 * reach), (3.0, 0.5 * reach, 5.0 * reach)
     typical = (0.1, 0.05 * reach, 0.2 * reach)
     slopes = [(1.0, 0.0, 1.5 * reach), (1.0, 0.0, 0.8 * reach)]
-    instead = ("law", "table")
+    instead = ("law", "table", "coupling")
     yield Candidate(Term("law", c), SIMPLE, tuple(slopes), low, high, typical, replaces=instead)
     quiet = quiet_level(u)
     levels = (quiet,) if quiet > 0.0 else ()
