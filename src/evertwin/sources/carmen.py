@@ -42,8 +42,8 @@ from evertwin.sources.scans import (
     increasing,
     mended,
 )
-from evertwin.sources.straight_walls import beam_step
 from evertwin.sources.stamps import NO_STAMP, texts, to_ns
+from evertwin.sources.straight_walls import beam_step
 from evertwin.sources.table import WIDEST, Column, Recording
 from evertwin.types import Stamps
 
