@@ -164,7 +164,7 @@ def test_mrclam_lag_and_slip_but_no_table(data_set: Callable[[str], Path], robot
     found = improve(Differential(), Form(), (train,), 2.0, settings)
     terms = {(t.kind, t.channel, t.source) for t in found.form.terms}
     assert terms == {("lag", "*", ""), ("coupling", "v", "w")}
-    slip = next(g.detail for g in found.steps if g.term.variant == "magnitude")
-    assert 0.05 < float(slip.split("falls by ")[1].split("·")[0]) < 0.1
+    grip = found.p[found.names.index("coupling.v.w.inverse_grip")]
+    assert 0.015 < 1.0 / grip < 0.03  # m/s · rad/s
     assert found.tried["table w"] < 0.05
     assert verdict(found, unseen) == "promote"

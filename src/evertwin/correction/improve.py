@@ -5,7 +5,7 @@ One procedure with one set of settings for every machine:
 1. Score the stack as it is: mean deviation of segments over one horizon, held out.
 2. Try every candidate of the present tier (laws of an input and couplings; then states; then
    tables and surfaces), on top of the stack, and in place of other static terms on its channel.
-   Fit, score. Laws and couplings try at once: each can stand in for the other, and would.
+   Fit, score. Laws and couplings are tried at once: each can stand in for the other.
 3. The best one joins if it lowers the held-out deviation by ``gain`` (5 %), and by ``sure``
    standard errors of the mean over segments; by one, where it takes the place of another. Refit
    the terms with few numbers together. Repeat from the simplest tier, whose terms may show only
