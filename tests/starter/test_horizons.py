@@ -14,7 +14,7 @@ from evertwin.config import read
 @pytest.mark.parametrize(
     ("seconds", "rows", "horizon"),
     [
-        (0.7, 1500, 0.007),
+        (0.75, 1500, 0.007),
         (8.0, 1000, 0.08),
         (42.0, 1500, 0.4),
         (200.0, 2000, 1.0),
