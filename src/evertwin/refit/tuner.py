@@ -15,6 +15,7 @@ from evertwin.gauges.gauge_rows import Rows
 from evertwin.gauges.settled import settled
 from evertwin.ledger.versions import Versions
 from evertwin.models import Model
+from evertwin.models.batch import is_native
 from evertwin.models.corrected import Corrected
 from evertwin.models.form import Version
 from evertwin.refit.answering import changed_since, event, not_told
@@ -70,10 +71,12 @@ class Tuner:
 
     def posed(self, task: Task, windows: Windows, names: tuple[str, ...]) -> Problem:
         """The same of a task's version. The numbers of one that never held may be far off: where
-        what is asked for is not reached from there they are sought elsewhere, ever less often."""
+        what is asked for is not reached from there they are sought elsewhere, ever less often; by
+        machine code alone, as anything else would answer late."""
         problem, tunings = self.problem(task.version, windows, names), task.tunings
-        seldom = task.held or tunings & (tunings - 1)
-        return problem if seldom else lowest(problem, self.holds)
+        if task.held or tunings & (tunings - 1) or problem.linear:
+            return problem
+        return lowest(problem, self.holds) if is_native(problem.batch.kernel) else problem
 
     def begun(self, version: Version, windows: Windows) -> Version:
         """A version that held, with where states that nothing measures began in the first of these

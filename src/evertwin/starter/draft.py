@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -30,9 +30,9 @@ PERIODS = ("ts", "dt", "t_s", "sampling_time", "sample_time")
 NAMED = 3
 """Recordings that are named in the first line."""
 EFFORTS = {"force", "torque"}
-TRIED, MOMENT = 100, 1e-6
-"""Predictions that a recording has to have room for: those that tell of a deviation, and those of a
-trial; the shortest [s]."""
+TRIED = 100
+"""Predictions that a recording has room for: those that tell of a deviation, and those of a
+trial."""
 FASTEST = 200.0
 """Rows per second that a static map is resampled to at most: motion is slower."""
 
@@ -156,14 +156,14 @@ class Draft:
     @property
     def horizon(self) -> float:
         """Of predictions [s]: a power of ten; ten rows or more where nothing is driven. A recording
-        with no room for a trial of such ones has shorter ones, in steps of 1, 2 and 5, but of what
-        goes as far as it likes: so little of its way is noise."""
+        with no room for a trial of such ones has shorter ones, but of what goes as far as it
+        likes: so little of its way is noise."""
         rows = 10.0 * (self.period or 0.01) * (0.1 if self._base else 1.0)
         usual = max(1.0, float(f"{10 ** math.ceil(math.log10(rows)):g}"))
         if self.static or self._goes or self.duration >= TRIED * usual:
             return usual
-        room = max(step for step in _steps(usual) if step <= max(self.duration / TRIED, MOMENT))
-        return max(room, min(step for step in _steps(usual) if step >= rows))
+        room = _digit(max(self.duration / TRIED, 0.1 * rows), math.floor)
+        return max(room, _digit(rows, math.ceil))
 
     @property
     def duration(self) -> float:
@@ -327,10 +327,10 @@ class Draft:
         return "\n".join(lines)
 
 
-def _steps(most: float) -> list[float]:
-    """1, 2 and 5 times powers of ten up to a power of ten [s]."""
-    powers = range(round(math.log10(MOMENT)), round(math.log10(most)) + 1)
-    return [step for k in powers for m in (1, 2, 5) if (step := float(f"{m}e{k}")) <= most]
+def _digit(value: float, rounded: Callable[[float], int]) -> float:
+    """Rounded to one digit."""
+    power = math.floor(math.log10(value))
+    return float(f"{rounded(round(value / 10.0**power, 6))}e{power}")
 
 
 def _cut(question: str) -> tuple[str, str, str]:

@@ -33,14 +33,15 @@ import numpy as np
 
 from evertwin.signals import wrap
 from evertwin.tuning.fit import Fit
-from evertwin.tuning.omitted import shifted
 from evertwin.tuning.problem import Problem
-from evertwin.types import Int64, Vector
+from evertwin.types import Vector
 
 SIDE = 2.0
 """Standard deviations by white noise that a number is moved by."""
 BENT = 1.0
 """Share of the change by which predictions change otherwise that leaves nothing of the slopes."""
+ALIKE = 1e-9
+"""Share of the information of the best told direction below which none is told."""
 WHY = "no interval holds: within it predictions change other than by their slopes"
 
 
@@ -50,32 +51,32 @@ def unbent(problem: Problem, fit: Fit) -> Fit:
     if problem.linear or not len(free) or not fit.converged:
         return fit
     interval95, verdict, reasons = fit.interval95.copy(), [*fit.verdict], [*fit.reasons]
-    for k, share in zip(free.tolist(), _bent(problem, fit, free).tolist(), strict=True):
-        if share >= BENT:
-            interval95[k] = -np.inf, np.inf
-            verdict[k] = "weak"
-            reasons[k] = "; ".join(filter(None, (reasons[k], WHY)))
+    shares = _bent(problem, fit)
+    for k in free[shares[free] >= BENT].tolist():
+        interval95[k] = -np.inf, np.inf
+        verdict[k] = "weak"
+        reasons[k] = "; ".join(filter(None, (reasons[k], WHY)))
     return replace(fit, interval95=interval95, verdict=tuple(verdict), reasons=tuple(reasons))
 
 
-def _bent(problem: Problem, fit: Fit, free: Int64[np.ndarray, " k"]) -> Vector:
+def _bent(problem: Problem, fit: Fit) -> Vector:
     """Share by which predictions change otherwise than by their slopes, on the worse side, (k,)."""
-    columns = problem.jacobian(fit.values)[:, :, free] / fit.noise[:, None]
+    columns = problem.jacobian(fit.values) / fit.noise[:, None]
     used = problem.rows.used & np.isfinite(columns).all(axis=2)
     columns = columns[used]
     products, points = columns.T @ columns, list[Vector]()
+    size = np.sqrt(products.diagonal())
     if not np.isfinite(products).all():
-        return np.full(len(free), np.inf)
-    for one in np.eye(len(free)):
-        way = shifted(products, one)  # the others go with it, as they lean on it
-        by = SIDE * way / np.sqrt(max(float(one @ way), 1e-300))
-        for side in (by, -by):
-            points.append(fit.values.copy())
-            points[-1][free] = np.clip(points[-1][free] + side, *(b[free] for b in problem.bounds))
+        return np.full(len(size), np.inf)
+    unit = np.outer(size, size) + (size == 0.0)  # numbers that tell nothing of others stay
+    covariance = np.linalg.pinv(products / unit, rcond=ALIKE, hermitian=True) / unit
+    for k, way in enumerate(covariance):  # the others go with it, as they lean on it
+        by = SIDE * way / np.sqrt(max(float(way[k]), 1e-300))
+        points += [np.clip(fit.values + side, *problem.bounds) for side in (by, -by)]
     here, angles, shares = problem.predict(fit.values), problem.model.outputs.angles, []
     for point, there in zip(points, problem.predictions(points), strict=True):
         change = (wrap(there - here, angles) / fit.noise)[used]
-        slope = columns @ (point - fit.values)[free]
+        slope = columns @ (point - fit.values)
         square = np.square(slope).sum()
         shares.append(np.sqrt(np.square(change - slope).sum() / square) if square > 0.0 else 0.0)
     return np.asarray(np.nan_to_num(shares, nan=np.inf).reshape(-1, 2).max(axis=1))
