@@ -119,9 +119,9 @@ def lever(
     A lidar beside the middle goes along with every turn: the step that it sees is the wheels' and
     (R - 1) times its place.
 
-    >>> turn = 0.3 * np.sin(np.arange(30.0))
-    >>> way = np.column_stack([0.1 * np.arange(30.0), np.zeros(30), turn])
-    >>> aside = np.column_stack([np.cos(turn), np.sin(turn), np.zeros(30)])
+    >>> turn = 0.3 * np.sin(np.arange(60.0))
+    >>> way = np.column_stack([0.1 * np.arange(60.0), np.zeros(60), turn])
+    >>> aside = np.column_stack([np.cos(turn), np.sin(turn), np.zeros(60)])
     >>> lever(way + 0.3 * aside, way).round(2).tolist()
     [0.3, 0.0]
     """
