@@ -12,7 +12,7 @@ from evertwin.errors import DataError
 from evertwin.features.mapping import Mapped, mapped
 from evertwin.features.poses import Fix
 from evertwin.features.troubles import troubles
-from evertwin.signals.planar import between, compose
+from evertwin.signals.planar import between, chained, compose
 from evertwin.sources.scans import Lidar, Scans
 from planted.rooms import Sensor, box, ranges, recorded
 
@@ -75,6 +75,55 @@ def test_beams_that_run_the_other_way_round(drive: tuple[Scans, np.ndarray]) -> 
     lidar = replace(scans.lidar, start=-scans.lidar.start, step=-scans.lidar.step)
     found = mapped(replace(scans, lidar=lidar))
     assert off(found, truth).max() < 0.25 and "the other way round" in told(found)
+
+
+def test_turns_of_a_log_whose_beams_run_one_way_are_counted_the_other_way(
+    drive: tuple[Scans, np.ndarray],
+) -> None:
+    scans, truth = drive
+    assert scans.odometry is not None
+    found = mapped(replace(scans, odometry=scans.odometry * [1, -1, -1], handed=True))
+    assert off(found, truth).max() < 0.25 and "its turns are taken the other way" in told(found)
+
+
+@pytest.mark.parametrize("handed", [False, True])
+@pytest.mark.parametrize("aside", [(0.35, 0.0), (-0.2, 0.15)])
+def test_a_lidar_beside_the_middle(aside: tuple[float, float], handed: bool) -> None:
+    scans, lidar = recorded(3, SMALL, laps=1.0, slip=0.05)
+    assert scans.odometry is not None and "the left of where" not in told(mapped(scans))
+    back = np.broadcast_to([-aside[0], -aside[1], 0.0], lidar.shape)
+    there = replace(scans, odometry=compose(scans.odometry, back), handed=handed)
+    found = mapped(there)
+    assert "the left of where was said: taken to be there" in told(found)
+    if handed:  # poses stay the lidar's
+        assert found.lidar.mount == (0.0, 0.0, 0.0)
+        assert off(found, lidar).max() < 0.25
+    else:
+        assert found.lidar.mount[:2] == pytest.approx(aside, abs=0.06)
+        assert off(found, compose(lidar, back)).max() < 0.25
+
+
+@pytest.mark.parametrize(("factor", "most"), [(1.6, 0.1), (0.0, 1.0)])
+@pytest.mark.parametrize("seed", [3, 4])
+def test_wheels_that_slip_or_stand_are_denied(seed: int, factor: float, most: float) -> None:
+    """Standing ones led up to 8 m astray; what is left are the steps that a scan barely tells."""
+    scans, truth = recorded(seed, Sensor(apart=0.3), laps=0.4)
+    steps = between(truth[:-1], truth[1:])
+    steps[20:35] *= factor
+    found = mapped(replace(scans, odometry=chained(np.zeros(3), steps)))
+    first = found.poses.segment == 0
+    assert np.nanmax(off(found, truth)[first]) < most
+    assert (found.poses.fix[first] != Fix.LOST).mean() > 0.85
+
+
+def test_odometry_that_leaps_leads_no_scan_astray(drive: tuple[Scans, np.ndarray]) -> None:
+    scans, truth = drive
+    assert scans.odometry is not None
+    odometry = scans.odometry.copy()
+    onward = between(np.broadcast_to(odometry[29], odometry[30:].shape), odometry[30:])
+    odometry[30:] = compose(np.broadcast_to([1.0, 2.0, 0.5], onward.shape), onward)
+    found = mapped(replace(scans, odometry=odometry))
+    assert off(found, truth).max() < 0.25
 
 
 def test_beams_that_end_on_the_machine_itself(drive: tuple[Scans, np.ndarray]) -> None:

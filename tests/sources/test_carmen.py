@@ -145,6 +145,61 @@ def test_what_is_taken_for_angles_that_are_not_said_is_told(tmp_path: Path, seed
     assert "181 beams are taken to share 180°, 1° apart" in only(path).assumed
 
 
+def seen(turn: float, step: float, beams: int, noisy: np.random.Generator) -> np.ndarray:
+    """Of a room of 8 m × 6 m, from beside its middle."""
+    angles = turn + step * (np.arange(beams) - beams // 2)
+    at = noisy.uniform(-1, 1, 2)
+    with np.errstate(divide="ignore"):
+        sides = [(4 - at[0]) / np.cos(angles), (-4 - at[0]) / np.cos(angles),
+                 (3 - at[1]) / np.sin(angles), (-3 - at[1]) / np.sin(angles)]  # fmt: skip
+    return np.min([np.where(w > 0, w, np.inf) for w in sides], axis=0) + noisy.normal(
+        0, 0.01, beams
+    )
+
+
+@pytest.mark.parametrize(("beams", "shared"), [(541, 270), (361, 180), (683, 240), (181, 180)])
+@pytest.mark.parametrize("seed", range(3))
+def test_walls_tell_what_beams_share(tmp_path: Path, beams: int, shared: int, seed: int) -> None:
+    noisy, path = np.random.default_rng(seed), tmp_path / "run.log"
+    step = math.radians(shared / (beams - 1))
+    scans = [seen(0.1 * i, step, beams, noisy) for i in range(COUNT)]
+    path.write_text("\n".join(flaser(i, i, 0.0, r) for i, r in enumerate(scans)))
+    assert only(path).lidar.step == pytest.approx(step)
+
+
+@pytest.mark.parametrize("by", ["the two poses", "a parameter"])
+def test_odometry_is_told_of_the_lidar(tmp_path: Path, by: str) -> None:
+    """Beside the robot's middle the lidar goes along with every turn."""
+    path = log(tmp_path / "run.log", lambda i: 5 + i, lambda i: 5 + i)
+    text, mount = path.read_text(), np.array([0.25, 0.0, 0.0])
+    middle = only(path).odometry
+    if by == "a parameter":
+        text = text.replace("frontlaser_offset 0.0", "frontlaser_offset 0.25")
+    else:
+        for i in range(COUNT):
+            pose = f" {0.2 * i} 0 0.1 "
+            lidar = compose(np.array([0.2 * i, 0.0, 0.1]), mount)
+            text = text.replace(pose + pose[1:], f" {lidar[0]} {lidar[1]} 0.1{pose}", 1)
+    path.write_text(text)
+    found = only(path).odometry
+    assert middle is not None and found is not None
+    told = np.isfinite(middle).all(axis=1)
+    assert found[told] == pytest.approx(compose(middle, np.tile(mount, (COUNT, 1)))[told])
+
+
+def test_the_second_pose_is_odometry_where_the_first_does_not_go_along(tmp_path: Path) -> None:
+    path, lines = tmp_path / "run.log", []
+    for i in range(COUNT):
+        both = f"{0.2 * i} 0 0.1 {0.2 * i} 0 0.1"
+        lines.append(
+            flaser(i, i, 0.2 * i).replace(both, f"{0.2 * i} 0 0.1 {0.21 * i} {0.01 * i} 0")
+        )
+    path.write_text("\n".join(lines))
+    scans = only(path)
+    assert scans.odometry is not None and scans.odometry[10] == pytest.approx([2.1, 0.1, 0.0])
+    assert "is taken for odometry" in " ".join(scans.findings)
+
+
 def test_damaged_lines_are_left_out_and_named(tmp_path: Path) -> None:
     path = log(tmp_path / "run.log", lambda i: 5 + i, lambda i: 5 + i)
     lines = path.read_text().splitlines()

@@ -25,9 +25,9 @@ MOST = 40
 """Steps that are remembered."""
 RECENT = 15.0
 """So many steps ago one counts a third."""
-FREE, LEAST, PART = 0.3, 0.05, 0.14
-"""How far a step may be off all others: before any is known [m]; where they hardly differ, at least
-so far [m], and so large a part of a usual one."""
+FIRST, FREE, LEAST, PART = 1.0, 0.3, 0.05, 0.14
+"""How far a step may be off all others: before any is known, and then at most [m]; where they
+hardly differ, at least so far [m], and so large a part of a usual one."""
 MIRRORED = 0.5
 """How much a step to the other side counts."""
 LEARNS, FORGETS = 0.1, 0.9
@@ -63,6 +63,8 @@ class Habits(NamedTuple):
     @property
     def spread(self) -> float:
         """How far the next step may be off the nearest of those before [m]."""
+        if not self.made:
+            return FIRST
         steps = self.steps[: self.made, :2]
         usual = math.sqrt(float(np.sum(steps * steps)) / max(len(steps), 1))
         return min(max(math.sqrt(self.varies), LEAST, PART * usual), FREE)

@@ -15,8 +15,9 @@ import numpy as np
 
 from evertwin.features.came import Came
 from evertwin.features.local_map import Known, known
+from evertwin.features.poses import Row
 from evertwin.features.scan_fit import ranked
-from evertwin.features.scan_matcher import Following, Row, ScanMatcher
+from evertwin.features.scan_matcher import Following, ScanMatcher
 from evertwin.fold import Block
 from evertwin.signals.planar import between
 from evertwin.types import Vector

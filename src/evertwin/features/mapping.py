@@ -21,9 +21,9 @@ from evertwin.features.look_ahead import read_on
 from evertwin.features.motion import motion_at, silence, turned_at
 from evertwin.features.open_ways import evened
 from evertwin.features.pose_graph import at_origin
-from evertwin.features.poses import Fix, Poses
+from evertwin.features.poses import Fix, Poses, table
 from evertwin.features.scan_fit import COMMON
-from evertwin.features.scan_matcher import ScanMatcher, table
+from evertwin.features.scan_matcher import ScanMatcher
 from evertwin.features.segments import Solved, joined, keyframes, origin_of
 from evertwin.features.stream import Stream, Turned
 from evertwin.features.troubles import (

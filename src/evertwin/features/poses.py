@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
 
+from evertwin.features.fusion import Sighting
 from evertwin.types import Float64, Int64, Stamps, UInt8
 
 
@@ -54,3 +57,32 @@ class Poses(NamedTuple):
     """1 where the wheels went out of all proportion to the scans."""
     scale: Float64[np.ndarray, " n"]
     """Way of the machine over that of its wheels."""
+
+
+class Row(NamedTuple):
+    """What a scan tells; see `Poses`.
+
+    >>> Row().fix.name
+    'LOST'
+    """
+
+    pose: Float64[np.ndarray, " 3"] = np.full(3, np.nan)
+    covariance: Float64[np.ndarray, "3 3"] = np.full((3, 3), np.nan)
+    fix: Fix = Fix.LOST
+    share: float = 0.0
+    segment: int = 0
+    sighting: Sighting = Sighting(np.full(3, np.nan), np.zeros((3, 3)))
+    slip: bool = False
+    scale: float = math.nan
+
+
+def table(rows: Sequence[tuple[int, Row, bool]]) -> Poses:
+    """Stamps [ns], rows, and whether their scans joined the map, as poses."""
+    t, told, keyframe = zip(*rows, strict=True)
+    pose, covariance, fix, share, segment, sighting, slip, scale = zip(*told, strict=True)
+    return Poses(
+        np.array(t), np.array(pose), np.array(covariance), np.array(fix, np.uint8),
+        np.array(share), np.array(keyframe, np.uint8), np.array(segment),
+        np.array([one.pose for one in sighting]), np.array([one.information for one in sighting]),
+        np.array(slip, np.uint8), np.array(scale),
+    )  # fmt: skip

@@ -30,7 +30,7 @@ whose place relative to the one before is unknown.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -42,7 +42,7 @@ from evertwin.features.contradiction import contradicted
 from evertwin.features.fusion import Belief, Sighting, Step, measured, predicted
 from evertwin.features.habits import Habits
 from evertwin.features.local_map import Known, LocalMap, Surface, copied, empty, joined, known, seen
-from evertwin.features.poses import Fix, Poses
+from evertwin.features.poses import Fix, Row, table
 from evertwin.features.registration import UNSEEN
 from evertwin.features.scan_fit import (
     ALIKE,
@@ -100,8 +100,8 @@ AGAIN = 0.05
 FOUND = 0.6
 """Share of a scan from which on a lost robot is found again."""
 CONTENT, AGAINST = 0.9, 5.0
-"""Share of a scan below which wheels that lead there may be wrong; and logarithm of how much likelier
-the scan must then be elsewhere."""
+"""Share of a scan below which wheels that lead there may be wrong; and logarithm of how much
+likelier the scan must then be elsewhere."""
 FAR, OPEN = 1.0, 0.5
 """Spread of a pose from which on it is none: by the wheels, and by habit alone [m]."""
 FIRM = 0.1
@@ -146,23 +146,6 @@ class Following(NamedTuple):
     """Scans from keyframe to keyframe, of late."""
     denied: bool = False
     """Did its last scan tell a place, but none that its wheels led to?"""
-
-
-class Row(NamedTuple):
-    """What a scan tells; see `Poses`.
-
-    >>> Row().fix.name
-    'LOST'
-    """
-
-    pose: Pose = np.full(3, np.nan)
-    covariance: Float64[np.ndarray, "3 3"] = np.full((3, 3), np.nan)
-    fix: Fix = Fix.LOST
-    share: float = 0.0
-    segment: int = 0
-    sighting: Sighting = Sighting(np.full(3, np.nan), np.zeros((3, 3)))
-    slip: bool = False
-    scale: float = math.nan
 
 
 @dataclass(frozen=True)
@@ -246,7 +229,8 @@ class ScanMatcher:
             usual = blind and expected.square(one.pose) < UNUSUAL
             astray = bool(state.lost) and not (state.lost <= BRIEFLY and usual)
             astray |= blind and bool(abs(one.pose[2] - state.belief.pose[2]) > ABOUT)
-            if self._elsewhere(one, ranges, view, astray):
+            untold = blind and bool(state.lost) and _off(one.covariance, FIRM)  # not found again
+            if untold or self._elsewhere(one, ranges, view, astray):
                 continue
             here.append(one)
             enough = FOUND if astray else max(least * (1 - one.unseen * blind), NONE)
@@ -258,7 +242,7 @@ class ScanMatcher:
             denied, alone = self._denied(
                 state, scan, view, came._replace(moved=moved - before), fit
             )
-            if denied and denied[0].told - AGAINST * (1 - state.denied) > told:
+            if denied and denied[0].told - AGAINST * (not state.denied) > told:
                 good, ahead, blind = denied, alone, True
         state = state._replace(denied=good is denied)
         way = math.nan if blind else float(np.hypot(*(moved - before)[:2]))
@@ -348,9 +332,10 @@ class ScanMatcher:
             found.slip or state.denied, found.belief.scale,
         )  # fmt: skip
         if _off(spread, OPEN if blind else FAR):  # walls alike all along the way
-            state = state._replace(open=state.open + 1)
+            left = blind and fit.share < FAMILIAR  # what joined the map is not tied to it
+            state = state._replace(open=max(state.open, PATIENCE * left) + 1)
             row = Row(share=fit.share, segment=state.segment)
-            if blind and state.open > PATIENCE:  # it may have moved on
+            if blind and state.open > PATIENCE and not left:  # it may have moved on
                 state = state._replace(map=joined(ring, scan, pose))
             if blind:  # what follows may tell the rest
                 row = row._replace(sighting=Sighting(pose.copy(), np.linalg.inv(spread)))
@@ -364,18 +349,6 @@ class ScanMatcher:
 
 def _decided(scan: Surface, view: Known, expected: Expected, sure: float) -> list[Fit]:
     return [best(scan, view, expected, sure)]
-
-
-def table(rows: Sequence[tuple[int, Row, bool]]) -> Poses:
-    """Stamps [ns], rows, and whether their scans joined the map, as poses."""
-    t, told, keyframe = zip(*rows, strict=True)
-    pose, covariance, fix, share, segment, sighting, slip, scale = zip(*told, strict=True)
-    return Poses(
-        np.array(t), np.array(pose), np.array(covariance), np.array(fix, np.uint8),
-        np.array(share), np.array(keyframe, np.uint8), np.array(segment),
-        np.array([one.pose for one in sighting]), np.array([one.information for one in sighting]),
-        np.array(slip, np.uint8), np.array(scale),
-    )  # fmt: skip
 
 
 def _off(covariance: np.ndarray, limit: float) -> bool:

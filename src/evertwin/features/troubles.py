@@ -46,9 +46,11 @@ OTHER, MIDDLE = 0.15, 0.1
 differ in the middle half of the steps."""
 TURNED, TWISTED = 0.03, 0.25
 """Turn of a step that tells how far turns differ [rad], and how far that may in the middle half."""
-ASIDE, FARTHEST, CERTAIN, ROUNDS = 0.1, 1.0, 6.0, 10
-"""Way from which on a lidar is elsewhere than was said, and up to which [m]; the same in standard
-deviations; and rounds of weighing the steps."""
+ASIDE, FARTHEST, SHIFTS = 0.1, 1.0, 0.1
+"""Way from which on a lidar is elsewhere than was said, and up to which; how far it may be from
+there by half of the drive [m]."""
+CERTAIN, ROUNDS = 6.0, 10
+"""The same way in standard deviations; rounds of weighing the steps."""
 ASKEW = 0.05
 """Angle from which on a lidar looks elsewhere than was said [rad]."""
 
@@ -117,18 +119,29 @@ def lever(
     A lidar beside the middle goes along with every turn: the step that it sees is the wheels' and
     (R - 1) times its place.
 
-    >>> way = np.column_stack([0.1 * np.arange(30.0), np.zeros(30), 0.3 * np.sin(np.arange(30.0))])
-    >>> seen = way + np.column_stack([0.3 * np.cos(way[:, 2]), 0.3 * np.sin(way[:, 2]), way[:, 0] * 0])
-    >>> lever(seen, way).round(2).tolist()
+    >>> turn = 0.3 * np.sin(np.arange(60.0))
+    >>> way = np.column_stack([0.1 * np.arange(60.0), np.zeros(60), turn])
+    >>> aside = np.column_stack([np.cos(turn), np.sin(turn), np.zeros(60)])
+    >>> lever(way + 0.3 * aside, way).round(2).tolist()
     [0.3, 0.0]
     """
     one, other = (between(p[:-1], p[1:]) for p in (poses, wheels))
     turn, off = other[:, 2], (one - other)[:, :2]
     told = np.isfinite(off).all(axis=1) & (np.abs(turn) > TURNED)
-    if told.sum() < ENOUGH:
+    if told.sum() < 2 * ENOUGH:
         return None
-    c, s = np.cos(turn[told]) - 1, np.sin(turn[told])
-    a, b = np.concatenate([np.stack([c, -s], 1), np.stack([s, c], 1)]), off[told].T.ravel()
+    turn, off, half = turn[told], off[told], int(told.sum()) // 2
+    parts = (slice(None), slice(half), slice(half, None))
+    (found, spread), *each = (_aside(turn[one], off[one]) for one in parts)
+    alike = all(np.hypot(*(part - found)) < SHIFTS for part, _ in each)
+    far = float(np.hypot(*found))
+    return found if alike and max(ASIDE, CERTAIN * spread) < far < FARTHEST else None
+
+
+def _aside(turn: np.ndarray, off: np.ndarray) -> tuple[np.ndarray, float]:
+    """The lever that explains steps that are off while turning, and its standard deviation [m]."""
+    c, s = np.cos(turn) - 1, np.sin(turn)
+    a, b = np.concatenate([np.stack([c, -s], 1), np.stack([s, c], 1)]), off.T.ravel()
     found, weight = np.zeros(2), np.ones(len(b))
     for _ in range(ROUNDS):
         square = a.T @ (weight[:, None] * a)
@@ -136,8 +149,7 @@ def lever(
         left = b - a @ found
         usual = float(weight @ left**2 / weight.sum())
         weight = 1 / (1 + (left / max(1.5 * np.median(np.abs(left)), 1e-3)) ** 2)  # Cauchy's
-    spread = math.sqrt(usual * np.trace(np.linalg.inv(square)))
-    return found if max(ASIDE, CERTAIN * spread) < np.hypot(*found) < FARTHEST else None
+    return found, math.sqrt(usual * np.trace(np.linalg.inv(square)))
 
 
 def scaled(poses: Float64[np.ndarray, "n 3"], wheels: Float64[np.ndarray, "n 3"]) -> str:

@@ -7,11 +7,12 @@
 Ranges and poses are in metres and radians. ``FLASER`` says nothing of its angles: a SICK's 180 and
 181 beams are a degree apart, 360 and 361 half a degree, others share half a turn; the first looks
 to the right (of 181, a log of 180 leaves the last out). Where the first beam and the last see the
-same, they are taken to share a whole turn; where walls are straight at another angle, that one. The largest value that keeps returning means that
-nothing came back. Logs that went through a mapping program carry its poses in place of the wheels':
-so odometry is taken from ``ODOM`` lines, or from the second pose of each scan where the first, the
-lidar's, does not go along with it. GMapping sets odometry back to its own pose at every scan, by an
-``ODOM`` line without a stamp: only the steps between are the wheels', and they are chained anew.
+same, they are taken to share a whole turn; where walls are straight at another angle, that one. The
+largest value that keeps returning means that nothing came back. Logs that went through a mapping
+program carry its poses in place of the wheels': so odometry is taken from ``ODOM`` lines, or from
+the second pose of each scan where the first, the lidar's, does not go along with it. GMapping sets
+odometry back to its own pose at every scan, by an ``ODOM`` line without a stamp: only the steps
+between are the wheels', and they are chained anew.
 
 Poses are the lidar's. Where it is on the machine, the two poses of each scan say, or a parameter;
 odometry is told of the lidar, too.

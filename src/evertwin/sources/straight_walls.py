@@ -34,9 +34,10 @@ STRAIGHT, LEAST = 0.03, 0.005
 """Off the wall that is fitted, up to which a stretch is one, and at least [m]."""
 FEW, WHOLE = 30, 0.9
 """Stretches that must tell; share of the beams of one that come back."""
-OTHER, CLEARLY, LIKELIER = 0.02, 30.0, 10.0
-"""Share by which any step must be off, and logarithm of how much likelier it must be; and one of a
-few."""
+OTHER, CLEARLY = 0.02, 30.0
+"""Share by which any step must be off, and logarithm of how much likelier it must be."""
+NEAR, LIKELIER = 0.2, 10.0
+"""The same of one of a few: how near to the best of all it must be."""
 
 
 def beam_step(
@@ -53,12 +54,12 @@ def beam_step(
     apart = max(ranges.shape[1] // BEAMS, 1)
     some, stated = ranges[:: max(len(ranges) // SCANS, 1), ::apart], apart * abs(step)
     short, sign = some.shape[1] // SHORT, math.copysign(1 / apart, step)
-    if len(among):
-        told, better = _best(some, np.array([*(apart * abs(one) for one in among), stated]), short)
-        return sign * told if better > LIKELIER else step
     rough, better = _best(some, np.append(stated * WIDE, stated), short)
     if not stated * WIDE[0] < rough < stated * WIDE[-1]:  # a round room: all of its walls are bent
         return step
+    if len(among):
+        told, better = _best(some, np.array([*(apart * abs(one) for one in among), stated]), short)
+        return sign * told if better > LIKELIER and abs(told / rough - 1) < NEAR else step
     fine, than = _best(some, np.append(rough * NARROW, stated), round(LONG / rough))
     told, better = (fine, than) if than else (rough, better)
     return sign * told if better > CLEARLY and abs(told / stated - 1) > OTHER else step
