@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -219,3 +221,20 @@ def test_a_folder_without_a_bag(tmp_path: Path) -> None:
         open_recording(tmp_path)
     with pytest.raises(DataError, match="No such file"):
         open_recording(tmp_path / "none.csv")
+
+
+@pytest.mark.parametrize(
+    ("first", "said"),
+    [
+        ("[Content_Types].xml", "an Excel workbook: save the sheet as CSV"),
+        ("_rels/.rels", "an Excel workbook: save the sheet as CSV"),
+        ("mimetype", "an OpenDocument file"),
+        ("run.csv", "a zip archive: unpack it first"),
+    ],
+)
+def test_an_archive_is_called_by_what_is_in_it(tmp_path: Path, first: str, said: str) -> None:
+    file = tmp_path / "own.xlsx"
+    with zipfile.ZipFile(file, "w") as archive:
+        archive.writestr(first, "<xml/>")
+    with pytest.raises(DataError, match=re.escape(said)):
+        open_recording(file)

@@ -83,7 +83,8 @@ def follows(ta: First, rate: First, tb: Second, level: Second, longest: float = 
     held = np.concatenate([[0.0], np.cumsum(rate[:-1] * np.diff(ta))])
     levels = np.interp(grid, ta, held), np.interp(grid, tb, level)
     for span in (span for span in SPANS if FEWEST * span <= len(grid)):
-        found = _compared(*(side[span:] - side[:-span] for side in levels), longest / period)
+        a, b = (side[span:] - side[:-span] for side in levels)
+        found = _compared(a, b, longest / period)
         if found.correlation - found.chance > best.correlation - best.chance:
             best = found
     return best
