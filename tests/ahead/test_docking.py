@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 from evertwin import Twin, TwinSpec
-from evertwin.ahead.docking import Partner, cosimulate
-from evertwin.ahead.spec import SCENARIO, ScenarioSpec
+from evertwin.ahead.docking import Partner, _axes, _Plan, approach, cosimulate
+from evertwin.ahead.spec import SCENARIO, DockSpec, ScenarioSpec
 from evertwin.config import spec
 from evertwin.errors import ConfigError, EvertwinError, UsageError
+from evertwin.models import FunctionModel, Parameters
+from evertwin.signals import Layout
 
 CARRIAGE = 'schema = 1\nname = "carriage"\n[model]\nkind = "robot1d"\n'
 
@@ -127,3 +129,32 @@ def test_an_arm_cannot_dock(tmp_path: Path) -> None:
     still["t"] = np.arange(40) * 0.1
     with pytest.raises(UsageError, match="expected a mobile base"):
         arm.whatif(dock(tmp_path), still)
+
+
+def sluggish(zone: float, pole: float, way: float, speed: float) -> _Plan:
+    """A cart on a line that starts to move at ``zone`` [m/s], and a dock that stands still."""
+
+    def step(x, u, dt, p):
+        told = np.sign(u[0]) * max(abs(u[0]) - p[0], 0.0)
+        v = x[1] + pole * (told - x[1])
+        return [x[0] + dt * v, v], [x[0] + dt * v]
+
+    states, x = Layout.of(x="m", v="m/s"), Layout.of(x="m")
+    parameters = Parameters.of(zone=(zone, "m/s"))
+    model = FunctionModel(step, Layout.of(v="m/s"), x, states, parameters)
+    still = robot().model
+    one = Partner(model, model.parameters.values, np.zeros(2))
+    other = Partner(still, still.parameters.values, still.initial(still.parameters.values))
+    rule = DockSpec(machine="", dock=(way, 0.0, 0.0), speed=speed, step=0.5, limit=1e4)
+    return _Plan(one, other, rule, _axes(model))
+
+
+@pytest.mark.parametrize("seed", range(100))
+def test_a_dock_below_the_dead_zone_is_refused_at_once(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    zone, pole, way = rng.uniform(0.02, 0.2), rng.uniform(0.2, 1.0), rng.uniform(-3.0, 3.0)
+    with pytest.raises(UsageError, match=r"cannot be reached.*does not move"):
+        approach(sluggish(zone, pole, way, zone * rng.uniform(0.3, 0.99)))
+    plan = sluggish(zone, pole, way, zone * rng.uniform(1.3, 3.0))
+    y, _ = plan.run(approach(plan))
+    assert y[-1, 0] == pytest.approx(way, abs=1e-6)

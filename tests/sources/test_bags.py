@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import zstandard
 from rosbags.rosbag1 import Writer as Writer1
-from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
@@ -232,3 +233,45 @@ def test_info_names_what_is_left_out(bags: dict[str, Path]) -> None:
     assert any("/say" in finding for finding in info.findings)
     time = info.tables[0].time
     assert time is not None and round(time.rate) == 50
+
+
+@pytest.mark.parametrize("plugin", [StoragePlugin.SQLITE3, StoragePlugin.MCAP])
+def test_messages_that_were_packed_one_by_one_are_read(
+    tmp_path: Path, plugin: StoragePlugin
+) -> None:
+    kind = "geometry_msgs/msg/Twist"
+    rng, store = np.random.default_rng(4), get_typestore(Stores.ROS2_HUMBLE)
+    speeds = rng.normal(size=300)
+    writer = Writer2(tmp_path / "run", version=9, storage_plugin=plugin)
+    if plugin is StoragePlugin.SQLITE3:
+        writer.set_compression(CompressionMode.MESSAGE, CompressionFormat.ZSTD)
+    with writer:
+        link = writer.add_connection("/cmd_vel", kind, typestore=store)
+        vector = store.types["geometry_msgs/msg/Vector3"]
+        for i, speed in enumerate(speeds):
+            told = store.types[kind](vector(x=speed, y=0.0, z=0.0), vector(x=0.0, y=0.0, z=speed))
+            data = bytes(store.serialize_cdr(told, kind))
+            packed = zstandard.compress(data) if plugin is StoragePlugin.MCAP else data
+            writer.write(link, 10**9 * (i + 1), packed)
+    recording = open_recording(tmp_path / "run")
+    table = recording.tables[0]
+    rows = next(iter(table.rows(["/cmd_vel.linear.x", "/cmd_vel.angular.z"], None)))
+    assert not recording.notes and not rows.problems
+    assert np.array_equal(rows.values, np.stack([speeds, speeds], axis=1))
+
+
+def test_a_bag_that_grew_is_read_anew(tmp_path: Path) -> None:
+    file = tmp_path / "run.bag"
+    for seed in range(20):
+        count = int(np.random.default_rng(seed).integers(5, 60))
+        file.unlink(missing_ok=True)
+        with Writer1(file) as writer:
+            store = get_typestore(Stores.ROS1_NOETIC)
+            link = writer.add_connection("/v", "std_msgs/msg/Float64", typestore=store)
+            for i in range(count):
+                told = store.types["std_msgs/msg/Float64"](1.0 * i)
+                data = store.serialize_ros1(told, link.msgtype)
+                writer.write(link, 10**9 * (i + 1), data)
+        table = open_recording(file).tables[0]
+        for _ in range(2):  # kept the second time
+            assert sum(len(rows.line) for rows in table.rows(["/v.data"], "/v.logged")) == count

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +19,7 @@ from evertwin.signals import Layout
 from evertwin.signals.series import Series
 from evertwin.sources import Cell, Clock, Recorded, open_recording, write
 from evertwin.sources.foreign import load
+from evertwin.sources.small_table import read_table
 from evertwin.sources.writers import WRITERS
 
 LAYOUT = Layout.of(v="m/s", w="rad/s")
@@ -219,3 +222,29 @@ def test_a_folder_without_a_bag(tmp_path: Path) -> None:
         open_recording(tmp_path)
     with pytest.raises(DataError, match="No such file"):
         open_recording(tmp_path / "none.csv")
+
+
+@pytest.mark.parametrize(
+    ("first", "said"),
+    [
+        ("[Content_Types].xml", "an Excel workbook: save the sheet as CSV"),
+        ("_rels/.rels", "an Excel workbook: save the sheet as CSV"),
+        ("mimetype", "an OpenDocument file"),
+        ("run.csv", "a zip archive: unpack it first"),
+    ],
+)
+def test_an_archive_is_called_by_what_is_in_it(tmp_path: Path, first: str, said: str) -> None:
+    file = tmp_path / "own.xlsx"
+    with zipfile.ZipFile(file, "w") as archive:
+        archive.writestr(first, "<xml/>")
+    with pytest.raises(DataError, match=re.escape(said)):
+        open_recording(file)
+
+
+def test_a_workbook_is_no_small_table_either(tmp_path: Path) -> None:
+    file = tmp_path / "own.xlsx"
+    with zipfile.ZipFile(file, "w") as archive:
+        archive.writestr("[Content_Types].xml", "<xml/>" * 500)
+        archive.writestr("xl/sheet.bin", bytes(range(256)) * 20)
+    with pytest.raises(DataError, match="an Excel workbook: save the sheet as CSV"):
+        read_table(file)

@@ -28,11 +28,13 @@ from evertwin.models import Model
 from evertwin.rows.feed import Data
 from evertwin.setup.newest import state_after
 from evertwin.signals.units import compatible
-from evertwin.types import Inputs, Json, ParameterVector, StateVector
+from evertwin.types import Inputs, Json, ParameterVector, StateVector, Vector
 
 DRAWS = 200
 REST = 2
 """Steps at standstill after each part of the approach: a drive with lag rolls on."""
+STILL = 0.01
+"""Share of the way that is no motion."""
 LONGER = 8
 """Times by which a part of the approach may be slower than commanded."""
 
@@ -216,23 +218,25 @@ def approach(plan: _Plan) -> Inputs:
     nu, rule, axes = len(plan.robot.model.inputs), plan.rule, plan.axes
     commands = np.zeros((0, nu))
 
-    def ends(tail: Inputs) -> tuple[np.ndarray, np.ndarray]:
+    def course(tail: Inputs) -> tuple[np.ndarray, np.ndarray]:
         y, w = plan.run(np.concatenate([commands, tail]))
-        return plan.pose(y)[-1], plan.target(w)[-1]
+        return plan.pose(y)[len(commands) :], plan.target(w)[len(commands) :]
 
-    def facing(tail: Inputs) -> float:
-        here, there = ends(tail)
-        return _turned(math.atan2(there[1] - here[1], there[0] - here[0]) - here[2])
+    def facing(tail: Inputs) -> Vector:
+        here, there = course(tail)
+        way = there - here
+        return _turned(np.arctan2(way[:, 1], way[:, 0]) - here[:, 2])
 
-    def ahead(tail: Inputs) -> float:
-        here, there = ends(tail)
-        return float((there[:2] - here[:2]) @ np.array([math.cos(here[2]), math.sin(here[2])]))
+    def ahead(tail: Inputs) -> Vector:
+        here, there = course(tail)
+        way = there - here
+        return np.asarray(way[:, 0] * np.cos(here[:, 2]) + way[:, 1] * np.sin(here[:, 2]))
 
-    def aligned(tail: Inputs) -> float:
-        here, there = ends(tail)
-        return _turned(there[2] - here[2])
+    def aligned(tail: Inputs) -> Vector:
+        here, there = course(tail)
+        return _turned(there[:, 2] - here[:, 2])
 
-    parts: list[tuple[int, float, Callable[[Inputs], float]]] = []
+    parts: list[tuple[int, float, Callable[[Inputs], Vector]]] = []
     turns = axes.turn >= 0 and axes.heading >= 0 and axes.y >= 0
     parts += [(axes.turn, rule.turn, facing)] if turns else []
     parts += [(axes.forward, rule.speed, ahead)]
@@ -250,15 +254,24 @@ def _too_long(seconds: float, rule: DockSpec) -> UsageError:
     )
 
 
-def _turned(angle: float) -> float:
-    return math.remainder(angle, 2.0 * math.pi)
+def _turned(angle: Vector) -> Vector:
+    return angle - 2.0 * math.pi * np.rint(angle / (2.0 * math.pi))
 
 
-def _part(plan: _Plan, told: tuple[int, float], left: Callable[[Inputs], float]) -> Inputs:
-    """The constant command, and for how long, after which nothing is left to go."""
+def _part(plan: _Plan, told: tuple[int, float], left: Callable[[Inputs], Vector]) -> Inputs:
+    """The constant command, and for how long, after which nothing is left to go.
+
+    Args:
+        plan: the two machines.
+        told: column of the command, and the most of it.
+        left: what is left to go after every step of commands, (n,).
+
+    Raises:
+        UsageError: it does not arrive.
+    """
     column, top = told
     rest = np.zeros((REST, len(plan.robot.model.inputs)))
-    way = left(rest[:1])
+    way = float(left(rest[:1])[-1])
     if abs(way) < 1e-6:
         return rest[:0]
     sign = math.copysign(1.0, way)
@@ -271,17 +284,27 @@ def _part(plan: _Plan, told: tuple[int, float], left: Callable[[Inputs], float])
         tail[:count, column] = sign * size
         return tail
 
-    for count in range(steps, LONGER * steps + 1):
-        if sign * left(of(top, count)) <= 0.0:
+    longest = sign * left(of(top, LONGER * steps))
+    there = np.flatnonzero(longest <= 0.0)
+    # while it rests it gets no farther than with the command that goes on
+    first = max(steps, int(there[0]) + 1 - REST) if len(there) else LONGER * steps + 1
+    for count in range(first, LONGER * steps + 1):
+        if sign * left(of(top, count))[-1] <= 0.0:
             # the fastest command overshoots: one below it arrives, unless the drive jumps over it
             def remaining(size: float, count: int = count) -> float:
-                return sign * left(of(size, count))
+                return float(sign * left(of(size, count))[-1])
 
             size = float(scipy.optimize.brentq(remaining, 0.0, top, xtol=1e-9))
             return of(size, count)
+    name = f"{plan.robot.model.inputs.names[column]} = {top:g}"
+    if np.ptp(longest[len(longest) // 2 :]) < STILL * abs(way):
+        raise UsageError(
+            f"docking: the dock cannot be reached: with {name} the simulated robot does not move, "
+            "it is below what its drive starts at: raise the speed"
+        )
     raise UsageError(
-        f"docking: the simulated robot does not arrive with {plan.robot.model.inputs.names[column]}"
-        f" = {top:g} in {LONGER} times the way's time: raise the speed"
+        f"docking: the simulated robot does not arrive with {name} in {LONGER} times the way's "
+        "time: raise the speed"
     )
 
 

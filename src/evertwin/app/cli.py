@@ -179,6 +179,9 @@ def init(
     ] = None,
     model: Annotated[str, typer.Option(help=KINDS)] = "",
     urdf: Annotated[Path | None, typer.Option(help="Description of an arm.")] = None,
+    namespace: Annotated[
+        str, typer.Option(help="Of the topics of one machine, such as /robot1.")
+    ] = "",
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
@@ -188,7 +191,7 @@ def init(
     """
     from evertwin.app.starting import write_starter
 
-    write_starter(files, out, (model, urdf), force, as_json)
+    write_starter(files, out, (model, urdf), force, as_json, namespace)
 
 
 @app.command()

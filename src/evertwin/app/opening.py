@@ -81,7 +81,7 @@ def to_work(twin: Path, *, telling: bool = False) -> Twin:
         return Twin.open(twin)
     except StoreLocked as error:
         if telling:
-            held = str(error).rpartition(": wait")[0]
+            held = str(error).partition(": wait")[0]
             typer.echo(f"evertwin: {held}: it is asked to heed this at its next beat", err=True)
         return Twin.open(twin, reading=True)
 

@@ -23,10 +23,13 @@ from evertwin.starter import (
     Proposal,
     Seen,
     answered,
+    belonging,
     by_axis,
     kind_of,
     look,
     mapped,
+    of_namespace,
+    of_one_machine,
     options_of,
     own_model,
     pump,
@@ -36,7 +39,7 @@ from evertwin.starter import (
 
 def write_starter(
     files: Sequence[Path], out: Path | None, model: tuple[str, Path | None], force: bool,
-    as_json: bool,
+    as_json: bool, namespace: str = "",
 ) -> None:  # fmt: skip
     """Writes the twin file, and for ``python`` a model file beside it.
 
@@ -54,9 +57,10 @@ def write_starter(
         _name_life(files[0], wear, as_json)
         return
     seen, told = look(files)
+    out = Path(f"{files[0].stem}.toml") if out is None else out
+    seen, others = _one_machine(seen, out, model, namespace)
     kind = kind or kind_of(seen)
     axes = by_axis(seen) if kind in ("drive", "drive_force") else (("", seen),)
-    out = Path(f"{files[0].stem}.toml") if out is None else out
     outs = [out.with_stem(f"{out.stem}_{word}") if word else out for word, _ in axes]
     for one in outs:
         if one.exists() and not force:
@@ -69,8 +73,23 @@ def write_starter(
         next_one = wear.command(str(files[0]))
         typer.echo(f"evertwin: does one of its columns tell wear? Then: {next_one}", err=True)
     odd = (note for draft in drafts for note in _odd_units(draft))
-    for note in (*(note for info in told for note in info.notes), *odd):
+    for note in (*others, *(note for info in told for note in info.notes), *odd):
         typer.echo(f"evertwin: {note}", err=True)
+
+
+def _one_machine(
+    seen: tuple[Seen, ...], out: Path, model: tuple[str, Path | None], namespace: str
+) -> tuple[tuple[Seen, ...], tuple[str, ...]]:
+    """The tables of the machine in the namespace that was said, or of one of several."""
+
+    def proposed(part: tuple[Seen, ...]) -> Proposal | None:
+        kind = model[0] or kind_of(part)
+        if kind in ("python", PUMP):  # any table is enough for a model of one's own
+            return None
+        found = _draft(out, (kind, model[1]), part).proposal
+        return None if found.questions else found
+
+    return (of_namespace(seen, namespace), ()) if namespace else of_one_machine(seen, proposed)
 
 
 def _own(out: Path) -> Path:
@@ -84,7 +103,7 @@ def _draft(out: Path, model: tuple[str, Path | None], seen: tuple[Seen, ...]) ->
     if kind == PUMP:
         return _pump(out, seen)
     drafts = [
-        Draft(out, kind, options, built, seen, mapped(built, seen))
+        Draft(out, kind, options, built, seen, belonging(mapped(built, seen), seen))
         for options in options_of(kind, urdf, _own(out))
         for built in (None if kind == "python" else machine(kind, answered(options)),)
     ]

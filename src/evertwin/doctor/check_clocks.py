@@ -28,6 +28,7 @@ from evertwin.models.function import kernel_of
 from evertwin.rows.channels import recorded_as
 from evertwin.signals import Layout, wrap
 from evertwin.signals.delay import Offset, clock_offset
+from evertwin.signals.related import follows
 from evertwin.sync.horizon import restarts, trusted
 from evertwin.sync.lag import SharedLag, shared_lag
 from evertwin.types import Outputs, Vector
@@ -78,8 +79,11 @@ def look_clocks(view: View, figures: dict[str, Any]) -> Iterator[Finding]:
     predicted, told = _predicted(view, window), {}
     for source, against, columns in pairs:
         found = _compared(view, window, predicted, columns, view.step)
-        told[source] = replace(found, source=source, against=against)
-        yield from _differs(told[source], window, view.step)
+        found = replace(found, source=source, against=against)
+        strangers = _strangers(found, window, predicted, view.model.outputs, columns)
+        yield from strangers or _differs(found, window, view.step)
+        if not strangers:
+            told[source] = found
     figures["clocks"] = {name: _plain(one) for name, one in told.items()}
 
 
@@ -141,6 +145,36 @@ def _offset(window: Block, pair: list[Vector], angle: bool, longest: float) -> O
         values = [np.unwrap(side) for side in values]
     stamps = [window.t[there] for there in known]
     return clock_offset(stamps[0], values[0], stamps[1], values[1], longest)
+
+
+def _strangers(
+    clocks: Clocks, window: Block, y: Outputs, outputs: Layout, which: list[int]
+) -> list[Finding]:
+    """The finding that a source's outputs follow the inputs at no lag: they are another machine's.
+
+    One output that follows is enough; so is chance, where nobody would see it.
+    """
+    t, measured = 1e-9 * (window.t - window.t[0]), trusted(window)
+    told, longest = {}, float(t[-1]) / 4
+    for k in which:
+        level = measured[:, k].copy()
+        known = np.isfinite(level)
+        level[known] = np.unwrap(level[known]) if outputs.angles[k] else level[known]
+        rate = np.append(np.diff(y[:, k]) / np.diff(t), 0.0)
+        told[outputs.names[k]] = follows(t, rate, t, level, longest)
+    unlike = {name: one for name, one in told.items() if one.unrelated}
+    if not unlike or any(one.clear for one in told.values()):
+        return []
+    name = min(unlike, key=lambda one: unlike[one].chance)
+    return [Finding(
+        "unrelated", clocks.source,
+        f"{name} of {clocks.source} follows nothing that {clocks.against} says, at any lag up to "
+        f"{longest:.3g} s (correlation {unlike[name].correlation:.2f}, by chance up to "
+        f"{unlike[name].chance:.2f})",
+        f"[[source]] {clocks.source}",
+        f"take {clocks.against} and {clocks.source} from one machine: its namespace, or its files",
+        {"correlation": unlike[name].correlation, "chance": unlike[name].chance},
+    )]  # fmt: skip
 
 
 def _differs(clocks: Clocks, window: Block, step: float) -> Iterator[Finding]:

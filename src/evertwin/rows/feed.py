@@ -16,7 +16,7 @@ import numpy as np
 
 from evertwin.config import TwinSpec, files_of
 from evertwin.config.spec import SourceSpec
-from evertwin.errors import DataError, UsageError
+from evertwin.errors import ConfigError, DataError, UsageError
 from evertwin.fold import Block, Chunk, Event, concatenate, take
 from evertwin.models import Model
 from evertwin.rows.alignment import Alignment
@@ -106,7 +106,10 @@ class Feed:
         if ready is not None:
             yield from ready
             return
-        alignment = Alignment.of(self.spec, self.model, self.brings(data))
+        try:
+            alignment = Alignment.of(self.spec, self.model, self.brings(data))
+        except ConfigError as error:
+            raise ConfigError(f"{self._unfed(data)}{error}") from None
         state, empty = alignment.init(), True
         for chunk in self.chunks(data):
             empty = False
@@ -124,6 +127,20 @@ class Feed:
         self.events += events
         if block is not None:
             yield block
+
+    def _unfed(self, data: Data) -> str:
+        """The sources that none of the files given went to, and where these went."""
+        if data is None or given(self.spec, self.model, data) is not None:
+            return ""
+        files = files_of(self.spec, [part.path for part in _parts(data)])
+        names = [source.name for source in self.spec.source]
+        none = ", ".join(names[i] for i, paths in files.items() if not paths)
+        went = "; ".join(
+            f"{', '.join(path.name for path in paths)} went to source {names[i]}"
+            for i, paths in files.items() if paths
+        )  # fmt: skip
+        tail = f"none to {none}: does [[source]] match tell them apart? "
+        return f"{went}, {tail}" if none else ""
 
     def _check(self, chunk: Chunk) -> None:
         """A grid that is far finer than the samples of a source is a wrong unit of time; so may be

@@ -12,14 +12,20 @@ import io
 import sqlite3
 import struct
 from collections.abc import Iterator
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from evertwin.errors import DataError
 from evertwin.sources.foreign import Damaged, each, foreign, load
 
+HELD = 1 << 26
+"""Bytes of a file's messages that are kept in memory."""
 LARGEST = 1 << 27
 """Bytes of the largest record that is believed."""
+
+ZSTD = b"\x28\xb5\x2f\xfd"
+"""What is packed by zstd begins with it."""
 
 
 class Connection(NamedTuple):
@@ -64,12 +70,63 @@ class Cut(NamedTuple):
     reason: str
 
 
-def messages(path: Path, kind: str) -> Iterator[Message | Cut]:
+def messages(path: Path, kind: str, topic: str = "") -> Iterator[Message | Cut]:
     """The messages of a bag in file order, then a `Cut` if it broke off.
+
+    A file of up to `HELD` bytes of messages is read once, however often and for however many topics
+    it is asked; a larger one each time.
+
+    Args:
+        path: of the bag.
+        kind: mcap, ros1 or db3.
+        topic: only its messages; empty: all.
 
     Raises:
         DataError: not even its beginning can be read.
     """
+    held = _held(path, kind, *map(_state, (path, path.with_name(f"{path.name}-wal"))))
+    if held is not None:
+        yield from held.topics.get(topic, held.end) if topic else held.all
+        return
+    for message in _read(path, kind):
+        if not topic or isinstance(message, Cut) or message.connection.topic == topic:
+            yield message
+
+
+class _Held(NamedTuple):
+    """The messages of a file: all, and those of each topic, with the `Cut` at the end."""
+
+    all: tuple[Message | Cut, ...]
+    topics: dict[str, list[Message | Cut]]
+    end: tuple[Cut, ...]
+
+
+def _state(file: Path) -> tuple[int, int]:
+    """When a file was written last, and its size: with another one it is read anew."""
+    if not file.is_file():
+        return 0, 0
+    found = file.stat()
+    return found.st_mtime_ns, found.st_size
+
+
+@lru_cache(maxsize=2)
+def _held(path: Path, kind: str, *_: tuple[int, int]) -> _Held | None:
+    """None: it is too large to be kept."""
+    whole, size = list[Message | Cut](), 0
+    for message in _read(path, kind):
+        whole.append(message)
+        size += 0 if isinstance(message, Cut) else len(message.data)
+        if size > HELD:
+            return None
+    end = tuple(one for one in whole if isinstance(one, Cut))
+    topics: dict[str, list[Message | Cut]] = {}
+    for one in whole:
+        if not isinstance(one, Cut):
+            topics.setdefault(one.connection.topic, []).append(one)
+    return _Held(tuple(whole), {name: [*those, *end] for name, those in topics.items()}, end)
+
+
+def _read(path: Path, kind: str) -> Iterator[Message | Cut]:
     try:
         yield from each(path.name, {"mcap": _mcap, "ros1": _ros1, "db3": _db3}[kind](path))
     except Damaged as error:
@@ -88,7 +145,7 @@ def _mcap(path: Path) -> Iterator[Message]:
             elif isinstance(record, records.Channel):
                 connections[record.id] = _mcap_connection(record, schemas)
             elif isinstance(record, records.Message):
-                yield Message(connections[record.channel_id], record.log_time, record.data)
+                yield Message(connections[record.channel_id], record.log_time, _plain(record.data))
 
 
 def _mcap_records(reader: Any, file: io.BufferedReader) -> Iterator[Any]:
@@ -116,13 +173,22 @@ def _unpacked(how: str, data: bytes, size: int) -> bytes:
     elif how == "lz4":
         out = load("lz4.frame").LZ4FrameDecompressor().decompress(data, max_length=size)
     elif how == "zstd":
-        unpacker = load("zstandard").ZstdDecompressor(max_window_size=LARGEST)
-        out = unpacker.stream_reader(data).read(size)
+        out = _zstd(data, size)
     else:
         raise ValueError(f"a chunk packed by {how!r}")
     if len(out) < size:
         raise EOFError(f"{len(out)} bytes left of a chunk of {size}")
     return bytes(out)
+
+
+def _zstd(data: bytes, size: int) -> bytes:
+    unpacker = load("zstandard").ZstdDecompressor(max_window_size=LARGEST)
+    return bytes(unpacker.stream_reader(data).read(size))
+
+
+def _plain(data: bytes) -> bytes:
+    """A message that ``ros2 bag record --compression-mode message`` packed; CDR begins with 0."""
+    return _zstd(data, LARGEST) if data.startswith(ZSTD) else data
 
 
 def _mcap_connection(channel: Any, schemas: dict[int, Any]) -> Connection:
@@ -211,7 +277,7 @@ def _db3(path: Path) -> Iterator[Message]:
         for topic, stamp, data in link.execute(query):
             if not (isinstance(stamp, int) and isinstance(data, bytes)):
                 raise TypeError(f"a message of {type(data).__name__} at {type(stamp).__name__}")
-            yield Message(topics[topic], stamp, data)
+            yield Message(topics[topic], stamp, _plain(data))
     finally:
         link.close()
 

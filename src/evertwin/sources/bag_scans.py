@@ -97,7 +97,7 @@ class _Heard:
     def take(self, message: Message, decoder: Decoder, wanted: str) -> None:
         kind = message.connection.type.rpartition("/")[2]
         topic = message.connection.topic
-        scan = kind in ("LaserScan", "MultiEchoLaserScan")
+        scan = kind in _LASERS
         if (not scan and kind not in _MOTION) or (scan and wanted and topic != wanted):
             if scan:
                 self.lidars.setdefault(topic, _Topic())
@@ -140,6 +140,7 @@ class _Heard:
         told.rows.append(Stamped(stamp_of(content), message.time, values))
 
 
+_LASERS = ("LaserScan", "MultiEchoLaserScan")
 _MOTION = ("Odometry", "Imu", "TFMessage", "tfMessage", "PoseStamped", "PoseWithCovarianceStamped")
 
 
@@ -180,6 +181,8 @@ def scans_of(recording: Recording, scan: str = "", odometry: str = "") -> tuple[
     heard, decoder = _Heard(), Decoder()
     table = recording.tables[0]
     assert isinstance(table, TopicTable)
+    if not (scan or odometry or _scanned(table)):
+        return ()
     for file, kind in table.files:
         for message in messages(file, kind):
             if not isinstance(message, Cut):
@@ -190,6 +193,14 @@ def scans_of(recording: Recording, scan: str = "", odometry: str = "") -> tuple[
         _absent("odometry", odometry, list(heard.poses))
     topics = heard.lidars.items()
     return tuple(_scans(name, one, heard, odometry) for name, one in topics if one.shots)
+
+
+def _scanned(table: TopicTable) -> bool:
+    """Does the bag hold scans? Else what moves a lidar is not decoded."""
+    return any(
+        not isinstance(message, Cut) and message.connection.type.rpartition("/")[2] in _LASERS
+        for file, kind in table.files for message in messages(file, kind)
+    )  # fmt: skip
 
 
 def _absent(what: str, name: str, known: list[str]) -> tuple[Scans, ...]:

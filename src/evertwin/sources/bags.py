@@ -10,8 +10,9 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,6 +26,8 @@ from evertwin.sources.table import Column, Problem, Recording, Rows
 
 PIECE = 4096
 """Messages read at once."""
+KEPT = 1 << 20
+"""Numbers of one topic that are kept once they are decoded."""
 FRAMES = 1000
 """Messages of transforms that are looked into for frames."""
 _KINDS = {"mcap": "mcap", "ros1": "ros1", "db3": "ros2"}
@@ -114,23 +117,53 @@ class TopicTable:
     path: Path
     name: str
     columns: tuple[Column, ...]
+    _kept: list[_Said | Cut] = field(default_factory=list, compare=False, repr=False)
 
     def rows(self, numbers: Sequence[str], time: str | None, strict: bool = True) -> Iterator[Rows]:
         """See `Table`."""
-        decoder, order = Decoder(), 0
-        batch = _Batch(self, numbers, time)
-        for file, kind in self.files:
-            for message in messages(file, kind):
-                if isinstance(message, Cut):
-                    batch.problems.append(Problem("cut_off", order, message.reason))
-                elif message.connection.topic == self.name:
-                    batch.add(message, decoder, order)
-                    order += 1
-                    if len(batch.order) + len(batch.problems) >= PIECE:
-                        yield batch.rows()
-                        batch = _Batch(self, numbers, time)
+        order, batch = 0, _Batch(self, numbers, time)
+        for one in self._read():
+            if isinstance(one, Cut):
+                batch.problems.append(Problem("cut_off", order, one.reason))
+                continue
+            batch.add(one, order)
+            order += 1
+            if len(batch.order) + len(batch.problems) >= PIECE:
+                yield batch.rows()
+                batch = _Batch(self, numbers, time)
         if batch.order or batch.problems:
             yield batch.rows()
+
+    def _read(self) -> Iterator[_Said | Cut]:
+        """The messages decoded; up to `KEPT` numbers of them once."""
+        if self._kept:
+            yield from self._kept
+            return
+        decoder, kept = Decoder(), list[_Said | Cut]()
+        for file, kind in self.files:
+            for message in messages(file, kind, self.name):
+                one = message if isinstance(message, Cut) else _said(message, decoder)
+                if len(kept) * len(self.columns) < KEPT:
+                    kept.append(one)
+                yield one
+        if len(kept) * len(self.columns) < KEPT:
+            self._kept[:] = kept
+
+
+class _Said(NamedTuple):
+    """A message's time of logging [ns] and content, or why it cannot be read."""
+
+    logged: int
+    framed: bool
+    content: Content | DataError
+
+
+def _said(message: Message, decoder: Decoder) -> _Said:
+    try:
+        content: Content | DataError = decoder.read(message)
+    except DataError as error:
+        content = error
+    return _Said(message.time, _framed(message), content)
 
 
 class _Batch:
@@ -145,29 +178,27 @@ class _Batch:
         self.values: list[list[float]] = []
         self.problems: list[Problem] = []
 
-    def add(self, message: Message, decoder: Decoder, order: int) -> None:
-        try:
-            content = decoder.read(message)
-        except DataError as error:
-            self.problems.append(Problem("damaged", order + 1, str(error)))
+    def add(self, said: _Said, order: int) -> None:
+        content = said.content
+        if isinstance(content, DataError):
+            self.problems.append(Problem("damaged", order + 1, str(content)))
             return
         absent = [name for name in self.wanted if name not in content.cells]
-        framed = _framed(message)
-        if absent and framed and len(absent) == len(self.wanted):
+        if absent and said.framed and len(absent) == len(self.wanted):
             return  # it places others
-        if absent and not framed:
+        if absent and not said.framed:
             self.problems.append(
                 Problem("truncated", order + 1, f"no {absent[0]!r} in the message")
             )
             return
         self.order.append(order)
-        self.stamps.append(self._stamp(message, content))
+        self.stamps.append(self._stamp(said.logged, content))
         self.values.append([content.cells.get(name, np.nan) for name in self.wanted])
 
-    def _stamp(self, message: Message, content: Content) -> float:
+    def _stamp(self, logged: int, content: Content) -> float:
         """The logging time or the message's own stamp [ns], or any of its numbers."""
         if self.time in ("logged", None):
-            stamp: int | None = message.time
+            stamp: int | None = logged
         elif self.time == "stamp":
             stamp = content.stamp
         else:

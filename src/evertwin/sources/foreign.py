@@ -22,11 +22,14 @@ import re
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import islice
 from typing import Any, TypeVar
 
 from evertwin.errors import DataError, EvertwinError, MissingExtra
 
 T = TypeVar("T")
+MANY = 32
+"""Items that are taken at once."""
 LONGEST = 160
 """Signs of a foreign message that are kept."""
 _PLACE = re.compile(r" at 0x[0-9a-f]+")
@@ -73,13 +76,19 @@ def each(name: str, items: Iterator[T]) -> Iterator[T]:
     >>> list(each("run.bag", iter([1, 2])))
     [1, 2]
     """
-    end = object()
-    while True:
-        with foreign(name):
-            item = next(items, end)
-        if item is end:
-            return
-        yield item  # type: ignore[misc]
+    more = True
+    while more:
+        batch, failed = list[T](), None
+        try:
+            with foreign(name):
+                for item in islice(items, MANY):
+                    batch.append(item)  # what came before a failure is kept
+        except EvertwinError as error:
+            failed = error
+        yield from batch
+        if failed is not None:
+            raise failed
+        more = len(batch) == MANY
 
 
 def load(module: str, extra: str = "formats") -> Any:

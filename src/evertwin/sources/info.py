@@ -36,11 +36,11 @@ from evertwin.sources.time_unit import TimeGuess, other_clocks, time_column, tol
 from evertwin.types import Stamps
 
 
-def inspect(path: Path | str, shown: Callable[[BagImage], None] | None = None) -> Info:
+def inspect(path: Path | str | Recording, shown: Callable[[BagImage], None] | None = None) -> Info:
     """Everything about a recording that one pass can tell; memory stays bounded.
 
     Args:
-        path: of the recording.
+        path: of the recording, or one that is open.
         shown: is given each image that can be read.
 
     Raises:
@@ -54,8 +54,8 @@ def inspect(path: Path | str, shown: Callable[[BagImage], None] | None = None) -
     >>> table.rows, round(table.time.rate), table.columns[1].missing, table.problems
     (4, 10, 1, {'overlong': 1})
     """
-    path = Path(path)
-    recording = open_recording(path)
+    recording = path if isinstance(path, Recording) else open_recording(path)
+    path = recording.path
     files = path.rglob("*") if path.is_dir() else [path]
     size = sum(file.stat().st_size for file in files if file.is_file())
     tables = tuple(_table(table) for table in recording.tables)

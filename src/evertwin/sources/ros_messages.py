@@ -11,8 +11,9 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import cache
+from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -49,6 +50,7 @@ class Decoder:
     def __init__(self) -> None:
         self._own: dict[str, Any] = {}
         self._known: dict[tuple[str, str], Any] = {}
+        self._plans: dict[type, _Plan | None] = {}
 
     def read(self, message: Message) -> Content:
         """The numbers and the stamp of a message.
@@ -57,7 +59,11 @@ class Decoder:
             DataError: an encoding or a type that is not known, or damaged bytes.
         """
         content = self.content(message)
-        return Content(dict(flat(content)), stamp_of(content))
+        kind = type(content)
+        if kind not in self._plans:
+            self._plans[kind] = _Plan.of(content) if _fixed(content) else None
+        plan = self._plans[kind]
+        return Content(dict(flat(content)), stamp_of(content)) if plan is None else plan(content)
 
     def content(self, message: Message) -> Any:
         """A message decoded and nothing more.
@@ -145,6 +151,52 @@ def _fields(kind: Any) -> tuple[str, ...]:
     )  # fmt: skip
 
 
+def _fixed(content: Any) -> bool:
+    """Does its type alone tell which numbers it has, for no array is one?"""
+    return hasattr(content, "__dataclass_fields__") and all(
+        name == "header" or "covariance" in name or _fixed(value)
+        or isinstance(value, str | bool | int | float | np.number)
+        for name, value in _members(content) or ()
+    )  # fmt: skip
+
+
+class _Plan(NamedTuple):
+    """Where the numbers of a type are, found once: what `flat` and `stamp_of` tell of a message."""
+
+    names: tuple[str, ...]
+    own: tuple[str, ...]
+    """Those that are members, not yaws of quaternions."""
+    members: Callable[[Any], tuple[Any, ...]]
+
+    @classmethod
+    def of(cls, content: Any) -> _Plan:
+        names = tuple(name for name, _ in flat(content))
+        turns = {
+            name for name in names if name.rpartition(".")[2] == "yaw" and not _has(content, name)
+        }
+        own = tuple(name for name in names if name not in turns)
+        return cls(names, own, attrgetter(*own, own[0]) if own else lambda _: ())
+
+    def __call__(self, content: Any) -> Content:
+        cells = dict(zip(self.own, map(float, self.members(content)), strict=False))
+        if len(self.own) < len(self.names):
+            cells = {n: cells[n] if n in cells else _yaw(cells, n) for n in self.names}
+        return Content(cells, stamp_of(content))
+
+
+def _has(content: Any, path: str) -> bool:
+    for name in path.split("."):
+        content = getattr(content, name, None)
+    return content is not None
+
+
+def _yaw(cells: Mapping[str, float], name: str) -> float:
+    """About the vertical axis [rad], of the quaternion beside."""
+    prefix = name.removesuffix("yaw")
+    x, y, z, w = (cells[f"{prefix}{axis}"] for axis in "xyzw")
+    return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+
+
 def _numbers(values: Any) -> list[float]:
     """Numbers as float64; empty where one is something else."""
     out = []
@@ -179,8 +231,7 @@ def flat(message: Any, prefix: str = "", depth: int = 0) -> Iterator[tuple[str, 
             yield from ((path, number) for number in _numbers([value]))
     turn = _numbers(members.get(axis) for axis in "xyzw")
     if turn:
-        x, y, z, w = turn
-        yield f"{prefix}yaw", math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+        yield f"{prefix}yaw", _yaw(dict(zip("xyzw", turn, strict=True)), "yaw")
 
 
 def _array(path: str, value: Any, names: list[str], depth: int) -> Iterator[tuple[str, float]]:
@@ -215,6 +266,9 @@ def array_of(message: Any, path: str) -> list[float] | None:
 
 def stamp_of(message: Any) -> int | None:
     """The stamp of the message's own header [ns], None without one or with a zero one."""
+    stamp = getattr(getattr(message, "header", None), "stamp", None)
+    if stamp is not None:
+        return stamp.sec * 10**9 + stamp.nanosec or None
     members = dict(_members(message) or [])
     transforms = members.get("transforms")
     if isinstance(transforms, _ARRAYS) and len(transforms):

@@ -29,6 +29,7 @@ from evertwin.signals.channels import position
 from evertwin.signals.units import si_unit, to_si
 from evertwin.sources.dates import beside, date_ns, is_date, order_of, zone_of
 from evertwin.sources.dialect import COMMENTS, MISSING, detect
+from evertwin.sources.sniff import sniff
 from evertwin.types import Vector
 
 ABSENT = frozenset(word.decode() for word in MISSING)
@@ -146,6 +147,7 @@ def read_table(path: str | Path) -> Table:
     except OSError as error:
         raise DataError(f"{file}: cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
+        sniff(file)  # raises what else it is
         raise DataError(
             f"{file}: expected UTF-8 text, byte {error.start} is not: save it as CSV in UTF-8"
         ) from error

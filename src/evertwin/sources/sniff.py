@@ -90,6 +90,8 @@ def kind_of(head: bytes, name: str) -> str:
     for magic, reason in _REFUSED.items():
         if head.startswith(magic):
             raise DataError(f"expected a recording, got {reason}")
+    if head.startswith(b"PK\x03\x04"):
+        _check_zip(head)
     for magic, kind in _MAGIC.items():
         if head.startswith(magic):
             return kind
@@ -103,6 +105,21 @@ def kind_of(head: bytes, name: str) -> str:
             "MCAP, ROS 1 and ROS 2 bags"
         )
     return "carmen" if _CARMEN.match(head) else "text"
+
+
+def _check_zip(head: bytes) -> None:
+    """Arrays of NumPy are the only archive that is read; its first entry's name says what it is.
+
+    Raises:
+        DataError: another one.
+    """
+    first = head[30 : 30 + int.from_bytes(head[26:28], "little")]
+    if first.startswith((b"[Content_Types]", b"_rels/", b"docProps/", b"xl/")):
+        raise DataError("expected a recording, got an Excel workbook: save the sheet as CSV")
+    if first == b"mimetype":
+        raise DataError("expected a recording, got an OpenDocument file: save the sheet as CSV")
+    if not first.endswith(b".npy"):
+        raise DataError("expected a recording, got a zip archive: unpack it first")
 
 
 def _inside_gzip(path: Path) -> str:

@@ -12,6 +12,9 @@ if TYPE_CHECKING:
     from evertwin.starter.kinds import PUMP as PUMP, kind_of as kind_of, pump as pump
     from evertwin.starter.mapping import mapped as mapped
     from evertwin.starter.model_file import own_model as own_model, pump_model as pump_model
+    from evertwin.starter.namespaces import (
+        belonging as belonging, of_namespace as of_namespace, of_one_machine as of_one_machine,
+    )  # fmt: skip
     from evertwin.starter.options import answered as answered, options_of as options_of
     from evertwin.starter.proposal import (
         Derivation as Derivation, Match as Match, Proposal as Proposal,

@@ -20,6 +20,7 @@ from evertwin.sources.exported import parts_of
 from evertwin.sources.info import inspect
 from evertwin.sources.recording import open_recording
 from evertwin.sources.stamps import NO_STAMP, to_ns
+from evertwin.sources.table import Recording
 from evertwin.starter.words import quantity, said_unit, words
 from evertwin.types import Float64, Vector
 
@@ -86,9 +87,12 @@ def look(files: Sequence[Path]) -> tuple[tuple[Seen, ...], tuple[Info, ...]]:
     Raises:
         DataError: a file cannot be read, or loses most of its rows, or none has two.
     """
-    told = tuple(inspect(_there(file)) for file in files)
+    told = list[Info]()
     found: dict[tuple[str, ...], Seen] = {}
-    for file, info in zip(files, told, strict=True):
+    for file in files:
+        recording = open_recording(_there(file))
+        info = inspect(recording)
+        told.append(info)
         for table in map(_machines, info.tables):
             said = quantity(words(file.name.split(".")[0]))  # positions and torques may share names
             key = (table.name, said, *(column.name for column in table.columns))
@@ -102,11 +106,11 @@ def look(files: Sequence[Path]) -> tuple[tuple[Seen, ...], tuple[Info, ...]]:
                 both = _widened(before.table, table)
                 found[key] = Seen((*before.files, file), both, before.t, before.rows)
             else:
-                found[key] = Seen((file,), table, *_beginning(file, table))
+                found[key] = Seen((file,), table, *_beginning(recording, table))
     if not found:
         names = ", ".join(str(file) for file in files)
         raise DataError(f"{names}: fewer than two complete rows: look with evertwin info")
-    return tuple(found.values()), told
+    return tuple(found.values()), tuple(told)
 
 
 def _machines(table: TableInfo) -> TableInfo:
@@ -134,9 +138,9 @@ def _there(file: Path) -> Path:
     return file
 
 
-def _beginning(file: Path, table: TableInfo) -> tuple[Vector | None, np.ndarray]:
+def _beginning(recording: Recording, table: TableInfo) -> tuple[Vector | None, np.ndarray]:
     """The first rows of a table: stamps [s] and numbers."""
-    source = next(t for t in open_recording(file).tables if t.name == table.name)
+    source = next(t for t in recording.tables if t.name == table.name)
     names, time = [column.name for column in _numbers(table)], table.time
     stamps, rows, count = [], [], 0
     for piece in source.rows(names, None if time is None else time.column, strict=False):
