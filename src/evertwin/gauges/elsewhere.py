@@ -1,12 +1,15 @@
 """Is the deviation where the inputs had never been? Then it is of the form, as far as anyone knows.
 
 A form that holds where it was judged need not hold elsewhere. Where the rows that deviate have
-inputs outside the range of all rows before, and those inside it are as near to the version as they
-were, no sensor is accused and no number is learned: numbers that suit the new rows would be worse
-where it held. With no row inside the range nobody can tell a form from a machine that changed.
+inputs outside the range of all rows before that the version ran on, and those inside it are as near
+to the version as they were, no sensor is accused and no number is learned: numbers that suit the
+new rows would be worse where it held. With no row inside the range nobody can tell a form from a
+machine that changed.
 """
 
 from __future__ import annotations
+
+from typing import TypeAlias
 
 import numpy as np
 
@@ -15,6 +18,8 @@ from evertwin.gauges.gauge_rows import LEAST, Rows
 from evertwin.gauges.sensor_change import SensorChange, unmeasured
 from evertwin.rows.ring import called
 from evertwin.types import Bool, Bools, Float64, Inputs, Vector
+
+Seen: TypeAlias = Float64[np.ndarray, "2 nu"]
 
 RARE = 0.01
 """Share of the rows before that lie beyond either end of what counts as their range."""
@@ -55,13 +60,13 @@ def elsewhere(rows: Rows) -> SensorChange | None:
     for place in np.unique(np.linspace(0, rows.count - LEAST, PLACES).astype(int)).tolist():
         by_time = max(by_time, (_gain(squares[known], (places >= place)[known]), place))
         if nu and len(past) + place >= setup.enough:
-            out = np.asarray(_out(u, past, place).any(axis=1))
+            out = np.asarray(_out(u, past, place, rows.seen).any(axis=1))
             by_range.append((_gain(squares[known], out[known]), place))
     most = max((gain for gain, _ in by_range), default=0.0)
     if most < max(CLEAR, AS_WELL * by_time[0]):
         return None
     first = max(place for gain, place in by_range if gain >= NEARLY * most)
-    out = _out(u, past, first)
+    out = _out(u, past, first, rows.seen)
     since, some = places >= max(first, by_time[1]), np.asarray(out.any(axis=1))
     if not _only_there(squares[known], since[known], some[known]):
         return None
@@ -77,7 +82,7 @@ def _told(
     rows: Rows, old: Inputs, new: Float64[np.ndarray, "since nu"], out: Bool[np.ndarray, "since nu"]
 ) -> str:
     """Inputs that are out of the range of those before, the farthest first."""
-    setup, (low, high) = rows.setup, _range(old)
+    setup, (low, high) = rows.setup, _range(old, rows.seen)
     far = np.nansum(np.where(out, np.fmax(low - new, new - high) / (high - low), 0.0), axis=0)
     told = []
     for k in np.argsort(-far)[:NAMED].tolist():
@@ -85,25 +90,32 @@ def _told(
             break
         channel = setup.model.inputs.channels[k]
         above = np.count_nonzero(new[:, k] > high[k]) >= np.count_nonzero(new[:, k] < low[k])
-        most, now = (float((np.nanmax if above else np.nanmin)(u[:, k])) for u in (old, new))
+        extreme = np.nanmax if above else np.nanmin
+        before = old[:, k] if rows.seen is None else np.append(old[:, k], rows.seen[int(above), k])
+        most, now = float(extreme(before)), float(extreme(new[:, k]))
         bounds = (in_words.level(setup, channel, one) for one in (most, now))
         told.append("{} was never {} {}, and is now at {}".format(
             channel.name, "above" if above else "below", *bounds))  # fmt: skip
     return ", ".join(told)
 
 
-def _range(old: Inputs) -> tuple[Vector, Vector]:
-    """Lowest and highest value of each input that counts as seen, (nu,)."""
+def _range(old: Inputs, seen: Seen | None) -> tuple[Vector, Vector]:
+    """Lowest and highest value of each input that counts as seen, (nu,): of ``old`` rows, and of
+    those that are kept no longer."""
     low, high = np.nanquantile(old, (RARE, 1.0 - RARE), axis=0)
+    if seen is not None:
+        low, high = np.fmin(low, seen[0]), np.fmax(high, seen[1])
     room = ROOM * (high - low) + 1e-9 * np.maximum(np.abs(low), np.abs(high)) + 1e-12
     return low - room, high + room
 
 
-def _out(u: Inputs, past: Float64[np.ndarray, "past nu"], place: int) -> Bool[np.ndarray, "n nu"]:
+def _out(
+    u: Inputs, past: Float64[np.ndarray, "past nu"], place: int, seen: Seen | None
+) -> Bool[np.ndarray, "n nu"]:
     """Which values from a row on lie outside the range of those before, of inputs that left it, or
     leapt, about there: one that strays by and by, as weather does, explains nothing that begins at
     once."""
-    low, high = _range(np.concatenate([past, u[:place]]))
+    low, high = _range(np.concatenate([past, u[:place]]), seen)
     out = (u < low) | (u > high)
     out[:place] = False
     wide = LEAST + len(u) // PLACES

@@ -51,6 +51,8 @@ class Rows:
     """Position of the first row that may be otherwise; None: that of the first that is tuned."""
     earlier: Windows = ()
     """Rows before all these, of which nothing is asked but how channels usually go."""
+    seen: np.ndarray | None = None
+    """Lowest and highest value of each input on rows before those, (2, nu)."""
     given: Vector | None = None
     """What counts as 1 of each output's residual, (ny,); None: its usual size."""
 

@@ -242,6 +242,7 @@ class Decide:
         due = state.row + setup.latency
         request = Request(number, kind, state.live.version, state.row, due, window, dict(detail))
         decision.requests.append(request)
+        state.ring.seen[1] = state.ring.seen[0]
         decision.remember(
             open=number, due=due, start=window[0], stop=window[1], asked=number,
             kind=kind,

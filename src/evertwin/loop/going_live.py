@@ -132,6 +132,8 @@ def goes_live(follow: Follow, state: TwinState, number: int, other: Any, first: 
         recovery.harm[0] = follow.recovery.before  # its trial has told that it did better
     updates = np.array([_updates(lane), _updates(first)], dtype=np.int64)
     scores = new_scores(state.scores.usual, updates, state.row, state.scores.scale)
+    if state.agenda.brief < 0.0:  # what was seen until now another version was judged on
+        state.ring.seen[:] = follow.setup.ring.unseen()
     return state._replace(
         live=lane, stream=follow.goes_on(state, number), first=first, other=other,
         scores=scores, agenda=state.agenda._replace(held=False, told=False, open=0),

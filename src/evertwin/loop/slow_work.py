@@ -55,6 +55,7 @@ class SlowWork:
             agenda.commissioned, agenda.cause, earlier,
             None if version.parent is None else self.work.versions[version.parent],
             (agenda.doubt, agenda.doubted), self.work.versions.before(version.number),
+            state.ring.seen[1].copy(),
         )  # fmt: skip
         self.engine.submit(request, partial(self.work.content, task))
 

@@ -166,7 +166,9 @@ class Tuner:
         def tune(one: Problem) -> Fit:
             return self.tune(one)[1]
 
-        return Rows(self.setup, pose, task.windows, problem, fit, tune, earlier=task.earlier)
+        return Rows(
+            self.setup, pose, task.windows, problem, fit, tune, earlier=task.earlier, seen=task.seen
+        )
 
     def due(self, version: Version, tunings: int) -> tuple[str, ...]:
         """The parameters whose turn it is."""

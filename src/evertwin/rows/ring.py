@@ -19,6 +19,8 @@ import numpy as np
 from evertwin.errors import UsageError
 from evertwin.fold import Block, Mark, take
 
+UNSEEN = np.zeros((2, 2, 0))
+
 
 class Rows(NamedTuple):
     """State of `Ring`: rows by number modulo capacity.
@@ -40,6 +42,9 @@ class Rows(NamedTuple):
     """Rows that a person called faulty: they are in no window."""
     first: int = 0
     """Number of the first row there ever was; rows of runs before have numbers below 0."""
+    seen: np.ndarray = UNSEEN
+    """Lowest and highest value of each input on rows that are kept no longer, since the live
+    version went live, now and when work was asked for last, (2, 2, nu)."""
 
 
 @dataclass(frozen=True)
@@ -64,21 +69,40 @@ class Ring:
         return Rows(
             0, np.zeros(n, np.int64), np.zeros(n), np.zeros((n, self.nu)), np.zeros((n, self.ny)),
             np.zeros((n, self.nu + self.ny), np.uint8), np.zeros(n, np.int64),
-            np.zeros(n, np.bool_), np.zeros(n, np.bool_),
+            np.zeros(n, np.bool_), np.zeros(n, np.bool_), 0, self.unseen(),
         )  # fmt: skip
+
+    def unseen(self) -> np.ndarray:
+        """No range of any input."""
+        return np.tile([[[np.inf], [-np.inf]]], (2, 1, self.nu))
 
     def push(self, rows: Rows, block: Block) -> Rows:
         """With the block's rows; the oldest make room. Consumes ``rows``."""
         n, capacity = len(block.t), self.capacity
         source = max(0, n - capacity)
+        self._forget(rows, block, source)
         while source < n:
             place = (block.row + source) % capacity
             count = min(n - source, capacity - place)
-            for ring, new in zip(rows[1:-2], block[1:], strict=True):
+            for ring, new in zip(rows[1:8], block[1:], strict=True):
                 ring[place : place + count] = new[source : source + count]
             rows.out[place : place + count] = False
             source += count
         return rows._replace(end=block.row + n)
+
+    def _forget(self, rows: Rows, block: Block, skipped: int) -> None:
+        """Rows that make room, and those of the block that never come, count in the range seen."""
+        first = max(rows.first, rows.end - self.capacity)
+        last = block.row + len(block.t) - self.capacity
+        if last <= first:
+            return
+        places = np.arange(first, min(last, rows.end)) % self.capacity
+        u = np.concatenate([rows.u[places], block.u[:skipped]])
+        mark = np.concatenate([rows.mark[places], block.mark[:skipped]])[:, : self.nu]
+        u = np.where(mark < Mark.CONTESTED, u, np.nan)
+        low, high = rows.seen[0]
+        np.fmin(low, np.fmin.reduce(u, axis=0, initial=np.inf), out=low)
+        np.fmax(high, np.fmax.reduce(u, axis=0, initial=-np.inf), out=high)
 
     def handed_on(self, rows: Rows) -> Rows:
         """The rows as those before row 0 of another run, their tasks before its task 0. Consumes
@@ -88,11 +112,12 @@ class Ring:
             return rows
         numbers = np.arange(max(rows.end - min(size, self.capacity), rows.first), rows.end)
         kept = self.init()._replace(first=-len(numbers))
-        for name in Rows._fields[1:-1]:
+        for name in Rows._fields[1:9]:
             getattr(kept, name)[self.capacity - len(numbers) :] = getattr(rows, name)[
                 numbers % size
             ]
         kept.task[:] -= kept.task[-1] + 1
+        kept.seen[:] = rows.seen
         return kept
 
     def leave_out(self, rows: Rows, first: int, last: int) -> int:
@@ -110,7 +135,7 @@ class Ring:
         if stop <= first:
             return ()
         places = np.arange(first, stop) % self.capacity
-        return split(Block(first, *(column[places] for column in rows[1:-2])), rows.out[places])
+        return split(Block(first, *(column[places] for column in rows[1:8])), rows.out[places])
 
 
 def split(block: Block, out: np.ndarray) -> tuple[Block, ...]:

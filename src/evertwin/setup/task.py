@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+
 from evertwin.fold import Block
 from evertwin.models.form import Version
 
@@ -15,7 +17,7 @@ class Task(NamedTuple):
 
     >>> Task._fields
     ('kind', 'version', 'windows', 'tunings', 'held', 'waits', 'rival', 'commissioned',
-    'cause', 'earlier', 'replaced', 'doubt', 'former')
+    'cause', 'earlier', 'replaced', 'doubt', 'former', 'seen')
     """
 
     kind: str
@@ -44,3 +46,5 @@ class Task(NamedTuple):
     """Channel in doubt, and recorded over what it was said to be; empty: none."""
     former: tuple[Version, ...] = ()
     """The newest that were live before the version: a repair may bring one of them back."""
+    seen: np.ndarray | None = None
+    """Lowest and highest value of each input on rows before all these that the version ran on."""

@@ -64,14 +64,14 @@ def _bent(problem: Problem, fit: Fit) -> Vector:
     columns = problem.jacobian(fit.values) / fit.noise[:, None]
     used = problem.rows.used & np.isfinite(columns).all(axis=2)
     columns = columns[used]
-    products, points = columns.T @ columns, list[Vector]()
-    size = np.sqrt(products.diagonal())
-    if not np.isfinite(products).all():
+    size, points = np.linalg.norm(columns, axis=0), list[Vector]()
+    if not np.isfinite(size).all():
         return np.full(len(size), np.inf)
-    unit = np.outer(size, size) + (size == 0.0)  # numbers that tell nothing of others stay
-    covariance = np.linalg.pinv(products / unit, rcond=ALIKE, hermitian=True) / unit
+    unit = np.where(size > 0.0, size, 1.0)  # numbers that tell nothing of others stay
+    alike = columns / unit
+    covariance = np.linalg.pinv(alike.T @ alike, rcond=ALIKE, hermitian=True)
     for k, way in enumerate(covariance):  # the others go with it, as they lean on it
-        by = SIDE * way / np.sqrt(max(float(way[k]), 1e-300))
+        by = SIDE * way / np.sqrt(max(float(way[k]), 1e-300)) / unit
         points += [np.clip(fit.values + side, *problem.bounds) for side in (by, -by)]
     here, angles, shares = problem.predict(fit.values), problem.model.outputs.angles, []
     for point, there in zip(points, problem.predictions(points), strict=True):
