@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ from evertwin.config.spec import (
     TwinSpec,
 )
 from evertwin.errors import ConfigError, DataError, UsageError
-from evertwin.fold import Block, Chunk, concatenate, copy, make_block
+from evertwin.fold import Block, Chunk, Mark, concatenate, copy, make_block, take
 from evertwin.machines.mobile import Robot1D
 from evertwin.rows.alignment import Alignment
 from evertwin.rows.crop import cropped
@@ -213,3 +214,21 @@ def test_rows_are_handed_on_to_a_run_at_another_rate() -> None:
         assert values == [float(k) for k in range(10 - min(capacity, 6), 10)]
         again = new.push(handed, rows)
         assert new.between(again, 0, 10)[-1].u[-1, 0] == 9.0
+
+
+@pytest.mark.parametrize("cuts", [(), (1,), (3, 4, 9), (2, 11), tuple(range(1, 15))])
+def test_the_range_of_rows_that_are_kept_no_longer_does_not_depend_on_cuts(
+    cuts: tuple[int, ...],
+) -> None:
+    u = np.array([4.0, -9.0, np.nan, 3.0, 7.0, 50.0, 5.0, 6.0, -1.0, *np.arange(10.0, 16.0)])[
+        :, None
+    ]
+    rows = make_block(t=range(15), u=u, y=np.zeros((15, 1)))
+    rows.mark[5, 0] = Mark.ERROR
+    ring = Ring(capacity=6, nu=1, ny=1)
+    kept = ring.init()
+    for a, b in pairwise((0, *cuts, 15)):
+        kept = ring.push(kept, take(rows, a, b))
+    assert kept.seen[0].ravel().tolist() == [-9.0, 7.0]
+    assert np.isinf(kept.seen[1]).all()
+    assert ring.handed_on(copy(kept)).seen.tolist() == kept.seen.tolist()
