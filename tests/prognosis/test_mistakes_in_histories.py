@@ -59,7 +59,7 @@ def told(text: str, clock: str = "run", rule: IndicatorSpec = WEAR) -> Observed:
          "'wear' twice"),
         ("", "h.csv: expected a line of headings and rows below it, got an empty file"),
         ("run,wear\n", "h.csv: expected a line of headings and rows below it, got only 'run,wear'"),
-        ("run,waer\n1,2", "h.csv: indicator wear: no column 'wear', did you mean 'waer'?: name it"),
+        ("run,waer\n1,2", "h.csv: indicator wear: no column 'wear', did you mean 'waer'?: name its column"),
         ("run,wear\n1,2\n,3", "h.csv:3: run: expected when the row was, got an empty cell: fill"),
         ("run,wear\nR1,2\n2,3", "h.csv:2: run: expected a number or a date"),
         ("run,wear\n1,2\n2,3\n2,4\n", "h.csv:4: expected one wear for each run, got 4, and 3 for "
@@ -142,7 +142,7 @@ def test_other_ways_to_write_the_same_table(tmp_path: Path) -> None:
     marked = of_table(WEAR, read_table(tmp_path / "bom.csv"), "run")
     assert np.array_equal(marked.value, plain.value, equal_nan=True)
     (tmp_path / "wide.csv").write_bytes("run,wear\n1,2\n".encode("utf-16"))
-    with pytest.raises(DataError, match="expected UTF-8 text, byte 0 is not: save it as CSV"):
+    with pytest.raises(DataError, match="got UTF-16 text: save it as UTF-8"):
         read_table(tmp_path / "wide.csv")
     with pytest.raises(DataError, match=r"none\.csv: cannot be read"):
         read_table(tmp_path / "none.csv")
