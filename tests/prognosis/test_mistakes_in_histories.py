@@ -59,7 +59,7 @@ def told(text: str, clock: str = "run", rule: IndicatorSpec = WEAR) -> Observed:
          "'wear' twice"),
         ("", "h.csv: expected a line of headings and rows below it, got an empty file"),
         ("run,wear\n", "h.csv: expected a line of headings and rows below it, got only 'run,wear'"),
-        ("run,waer\n1,2", "h.csv: indicator wear: no column 'wear', did you mean 'waer'?: name its column"),
+        ("run,waer\n1,2", "h.csv: indicator wear: no column 'wear', did you mean 'waer'?: name it"),
         ("run,wear\n1,2\n,3", "h.csv:3: run: expected when the row was, got an empty cell: fill"),
         ("run,wear\nR1,2\n2,3", "h.csv:2: run: expected a number or a date"),
         ("run,wear\n1,2\n2,3\n2,4\n", "h.csv:4: expected one wear for each run, got 4, and 3 for "

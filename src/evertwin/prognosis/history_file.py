@@ -213,7 +213,7 @@ def _value(rule: IndicatorSpec, table: Table) -> tuple[str, Vector, str]:
             position(there, wanted[0], "column")
         except UsageError as error:
             raise DataError(
-                f"{table.name}: indicator {rule.name}: {error}: name its column so in this file; "
+                f"{table.name}: indicator {rule.name}: {error}: name it so in this file; "
                 "a twin file names the column with column = …"
             ) from error
     name = str(name)
