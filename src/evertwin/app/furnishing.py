@@ -21,6 +21,7 @@ from evertwin.features.segments import surface_of
 from evertwin.features.table_bodies import Plate, bodies
 from evertwin.features.tables import Happened, Room, Table, furnished
 from evertwin.report.table_picture import draw_tables
+from evertwin.signals import unwrapped
 from evertwin.signals.planar import compose
 from evertwin.sources.scans import Scans
 from evertwin.sources.small_table import read_table
@@ -104,9 +105,7 @@ def _read_poses(scans: Scans, file: Path) -> Float64[np.ndarray, "n 3"]:
     """
     table = read_table(file)
     t, whole = table.column("t_ns"), [table.column(name) for name in ("x", "y", "theta")]
-    whole[2] = whole[2].copy()
-    known = np.isfinite(whole[2])
-    whole[2][known] = np.unwrap(whole[2][known])
+    whole[2] = unwrapped(whole[2])
     if np.any(np.diff(t) <= 0):
         raise DataError(f"{file}: t_ns: expected stamps that increase")
     pose = np.column_stack([np.interp(scans.t, t, one, np.nan, np.nan) for one in whole])

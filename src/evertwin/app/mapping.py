@@ -19,6 +19,7 @@ from evertwin.features.segments import surface_of
 from evertwin.features.slips import Slip, slips
 from evertwin.features.trajectory_error import TrajectoryError, trajectory_error
 from evertwin.report.map_picture import draw_map
+from evertwin.signals import unwrapped
 from evertwin.signals.planar import wrapped
 from evertwin.sources.bag_scans import scans_of
 from evertwin.sources.recording import open_recording
@@ -136,9 +137,7 @@ def _reference(scans: Scans, against: str) -> np.ndarray:
     names = table.dtype.names or ()
     if not {"t_ns", "x", "y", "theta"} <= set(names):
         raise UsageError(f"--against {against}: expected columns t_ns, x, y, theta; got {names}")
-    at, heading = table["t_ns"], table["theta"]
-    known = np.isfinite(heading)
-    heading[known] = np.unwrap(heading[known])
+    at, heading = table["t_ns"], unwrapped(table["theta"])
     whole = np.column_stack([table["x"], table["y"], heading])
     return np.column_stack([np.interp(scans.t, at, c, np.nan, np.nan) for c in whole.T])
 

@@ -26,7 +26,7 @@ from evertwin.fold import Block, plain, take
 from evertwin.models import roll
 from evertwin.models.function import kernel_of
 from evertwin.rows.channels import recorded_as
-from evertwin.signals import Layout, wrap
+from evertwin.signals import Layout, unwrapped, wrap
 from evertwin.signals.delay import Offset, clock_offset
 from evertwin.signals.related import follows
 from evertwin.sync.horizon import restarts, trusted
@@ -157,9 +157,7 @@ def _strangers(
     t, measured = 1e-9 * (window.t - window.t[0]), trusted(window)
     told, longest = {}, float(t[-1]) / 4
     for k in which:
-        level = measured[:, k].copy()
-        known = np.isfinite(level)
-        level[known] = np.unwrap(level[known]) if outputs.angles[k] else level[known]
+        level = unwrapped(measured[:, k]) if outputs.angles[k] else measured[:, k]
         rate = np.append(np.diff(y[:, k]) / np.diff(t), 0.0)
         told[outputs.names[k]] = follows(t, rate, t, level, longest)
     unlike = {name: one for name, one in told.items() if one.unrelated}

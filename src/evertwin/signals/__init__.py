@@ -7,7 +7,12 @@ from typing import TYPE_CHECKING
 from evertwin.surface import surface
 
 if TYPE_CHECKING:
-    from evertwin.signals.channels import Channel as Channel, Layout as Layout, wrap as wrap
+    from evertwin.signals.channels import (
+        Channel as Channel,
+        Layout as Layout,
+        unwrapped as unwrapped,
+        wrap as wrap,
+    )
     from evertwin.signals.units import (
         compatible as compatible,
         conversion as conversion,

@@ -192,6 +192,17 @@ def wrap(residual: Outputs, angles: np.ndarray) -> Outputs:
     return wrapped
 
 
+def unwrapped(angle: np.ndarray) -> np.ndarray:
+    """An angle [rad] that goes on past ±π, (n,); NaN stays, and the turn goes on behind it.
+
+    >>> unwrapped(np.array([3.0, np.nan, -3.0])).round(3).tolist()
+    [3.0, nan, 3.283]
+    """
+    found, known = angle.copy(), np.isfinite(angle)
+    found[known] = np.unwrap(angle[known])
+    return found
+
+
 def same_turn(values: Outputs, measured: Outputs, angles: np.ndarray) -> Outputs:
     """Values with angles in the turn of what is measured beside them, or was measured last.
 

@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from evertwin.errors import UsageError
-from evertwin.signals import conversion
+from evertwin.signals import conversion, unwrapped
 from evertwin.signals.related import Follows, follows
 from evertwin.sources.names import closest
 from evertwin.starter.proposal import ASK, Match, Proposal
@@ -144,7 +144,7 @@ def _follows(told: Match, matches: dict[str, Match], seen: Sequence[Seen]) -> Fo
     )
     if not len(tb) == len(x) == len(y) == len(heading):
         return Follows(0.0, np.inf)
-    heading = _unwrapped(heading)
+    heading = unwrapped(heading)
     if told.channel == _TURNS:
         return follows(ta, rate, tb, heading)
     steps = np.diff(x) * np.cos(heading[:-1]) + np.diff(y) * np.sin(heading[:-1])
@@ -155,9 +155,3 @@ def _values(match: Match, seen: Sequence[Seen]) -> tuple[Vector, Vector]:
     one = seen[match.source]
     t = np.full(len(one.rows), np.nan) if one.t is None else one.t
     return t, conversion(match.unit)[0] * one.values(match.column)
-
-
-def _unwrapped(angle: Vector) -> Vector:
-    out, known = angle.copy(), np.isfinite(angle)
-    out[known] = np.unwrap(angle[known])
-    return out
