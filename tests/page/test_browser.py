@@ -15,6 +15,7 @@ from typing import Any
 
 import pytest
 
+from planted.draws import first_of
 from planted.serving import TWINS, Served, site
 from planted.worlds import record_arm, record_robot
 from tests.service.test_adding import cart
@@ -293,7 +294,7 @@ def test_it_goes_on_by_itself_where_the_service_was_killed(shown: Shown) -> None
     shown.errors.clear()  # the browser tells each question that found nobody
 
 
-@pytest.mark.parametrize("place", ["", "twin/robot/live", "twin/robot/improvement"])
+@first_of("place", ["twin/robot/live", "", "twin/robot/improvement"])
 def test_what_a_service_that_hangs_said_last_is_stale(shown: Shown, place: str) -> None:
     """The line is up and nothing comes by it: the page tells by its own clock."""
     shown.awake()

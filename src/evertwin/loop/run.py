@@ -139,7 +139,7 @@ class Run:
         over = over and not self.log.repeats
         for block in () if over else blocks:
             state = self.step(state, block)
-        result = self.ended(state, time.perf_counter() - began, over=over)
+        result = self.ended(state, began, over=over)
         if result.failed and result.failed.all:
             raise ModelError(str(result.failed))
         had = looked if over else feed
@@ -159,11 +159,16 @@ class Run:
             local=any(tally.local for tally in had.tallies.values()),
         )
 
-    def ended(self, state: TwinState, seconds: float, *, over: bool = False) -> RunResult:
-        """The end of the run (``over``: it had ended before) and what came of it."""
+    def ended(self, state: TwinState, began: float, *, over: bool = False) -> RunResult:
+        """The end of the run (``over``: it had ended before) and what came of it.
+
+        Args:
+            began: `time.perf_counter` at its start.
+        """
         if not over:
             state = self._finished(state)
         self.log.end()
+        seconds = time.perf_counter() - began
         result = self.observer.result(self.driver, state, seconds)
         log.info("%s: %d rows in %.2f s", self.setup.spec.name, state.row, seconds)
         return replace(result, began=self._from)

@@ -23,14 +23,37 @@ import numpy as np
 
 from evertwin.models import Model
 from evertwin.tuning.identifiability import NULL, SHARE, SMALL
-from evertwin.types import Inputs
+from evertwin.types import Inputs, Vector
 
-ROWS = 300
+ROWS = 100
 """Rows that the changes are tried on."""
 MOST = 3
 """Changes named at most."""
-KEPT = 64
-"""Answers that are kept with a model."""
+
+
+class _Acting:
+    """How the outputs of a model hang on its parameters, each asked of it once."""
+
+    def __init__(self, model: Model, seen: Inputs) -> None:
+        self.model, self.seen = model, seen
+        self.columns: dict[tuple[str, str], Any] = {}
+
+    @classmethod
+    def of(cls, model: Model, seen: Inputs) -> _Acting:
+        """Kept with the model: asked again and again, as one hypothesis follows the other."""
+        known = getattr(model, "__dict__", {}).setdefault("_acting", {})
+        if (key := seen.tobytes()) not in known:
+            known.clear()
+            known[key] = cls(model, seen)
+        found: _Acting = known[key]
+        return found
+
+    def at(self, text: str, u: Inputs, names: Sequence[str]) -> Any:
+        """Sensitivity to the named parameters in natural sizes on these inputs, (n·ny, k)."""
+        for name in names:
+            if (text, name) not in self.columns:
+                self.columns[text, name] = _sensitivity(self.model, name, u)
+        return np.stack([self.columns[text, name] for name in names], axis=1)
 
 
 def advise(
@@ -45,30 +68,18 @@ def advise(
         wider: how far beyond the values seen a larger one may lie.
         least: singular value of unit columns from which a direction is determined.
     """
-    seen = u[np.isfinite(u).all(axis=1)][:: max(1, len(u) // ROWS)]
-    if not len(seen):
+    known = u[np.isfinite(u).all(axis=1)]
+    if not len(known):
         return ()
-    # asked again and again, as one hypothesis after the other changes what was measured
-    known = getattr(model, "__dict__", {}).setdefault("_advice", {})
-    key = (*names, seen.tobytes(), wider, least)
-    found: tuple[str, ...] | None = known.get(key)
-    if found is None:
-        if len(known) >= KEPT:
-            known.clear()
-        known[key] = found = _advised(model, names, seen, wider, least)
-    return found
-
-
-def _advised(
-    model: Model, names: Sequence[str], seen: Inputs, wider: float, least: float
-) -> tuple[str, ...]:
-    rows = _sensitivity(model, names, seen)
+    seen, ends = known[:: max(1, len(u) // ROWS)], (known.min(axis=0), known.max(axis=0))
+    acting = _Acting.of(model, seen)
+    rows = acting.at("", seen, names)
     said: list[str] = []
-    options = {text: _sensitivity(model, names, v) for text, v in _changes(model, seen, wider)}
+    options = {text: acting.at(text, v, names) for text, v in _changes(model, seen, ends, wider)}
     for _ in range(MOST):
         if _determined(rows, least) or not options:
             break
-        best = max(options, key=lambda text: _score(np.concatenate([rows, options[text]])))
+        best = max(options, key=lambda text: _score(rows, options[text]))
         gained = np.concatenate([rows, options.pop(best)])
         if _score(gained) < _score(rows) + 0.5:
             break
@@ -77,10 +88,12 @@ def _advised(
     return tuple(said) if _determined(rows, least) else ()
 
 
-def _changes(model: Model, u: Inputs, wider: float) -> Iterator[tuple[str, Inputs]]:
-    """Changed inputs, each with its description."""
+def _changes(
+    model: Model, u: Inputs, ends: tuple[Vector, Vector], wider: float
+) -> Iterator[tuple[str, Inputs]]:
+    """Changed inputs, each with its description; ``ends``: between which the inputs lay."""
     for c, channel in enumerate(model.inputs):
-        low, high = float(u[:, c].min()), float(u[:, c].max())
+        low, high = float(ends[0][c]), float(ends[1][c])
         here = f"(here {low:.3g} to {high:.3g} {channel.unit})"
         other = u.copy()
         if low == high:
@@ -102,20 +115,17 @@ def _changes(model: Model, u: Inputs, wider: float) -> Iterator[tuple[str, Input
             yield f"{channel.name} at several values in both directions {here}", both
 
 
-def _sensitivity(model: Model, names: Sequence[str], u: Inputs) -> Any:
-    """Outputs' sensitivity to the named parameters in natural sizes, (n·ny, k)."""
+def _sensitivity(model: Model, name: str, u: Inputs) -> Any:
+    """Outputs' sensitivity to a parameter in its natural size, (n·ny,)."""
     p, dt = model.parameters.values, np.full(len(u), 0.05)
-    columns = []
-    for name in names:
-        place = model.parameters.index(name)
-        size = abs(float(p[place])) or 1.0
-        ends = []
-        for sign in (-1.0, 1.0):
-            q = p.copy()
-            q[place] += sign * 1e-4 * size
-            ends.append(model.simulate(model.initial(q), u, dt, q)[1].ravel())
-        columns.append(np.nan_to_num((ends[1] - ends[0]) / 2e-4))
-    return np.stack(columns, axis=1)
+    place = model.parameters.index(name)
+    size = abs(float(p[place])) or 1.0
+    ends = []
+    for sign in (-1.0, 1.0):
+        q = p.copy()
+        q[place] += sign * 1e-4 * size
+        ends.append(model.simulate(model.initial(q), u, dt, q)[1].ravel())
+    return np.nan_to_num((ends[1] - ends[0]) / 2e-4)
 
 
 def _unit(rows: Any) -> Any:
@@ -123,9 +133,13 @@ def _unit(rows: Any) -> Any:
     return rows / np.where(length > 0, length, 1.0)
 
 
-def _score(rows: Any) -> float:
+def _score(*rows: Any) -> float:
     """Log-determinant of the unit columns' information, floored where undetermined."""
-    return float(np.log(np.maximum(np.linalg.eigvalsh(_unit(rows).T @ _unit(rows)), 1e-8)).sum())
+    products = sum(one.T @ one for one in rows)
+    length = np.sqrt(products.diagonal())
+    length = np.where(length > 0, length, 1.0)
+    values = np.linalg.eigvalsh(products / np.outer(length, length))
+    return float(np.log(np.maximum(values, 1e-8)).sum())
 
 
 def _determined(rows: Any, least: float) -> bool:

