@@ -39,9 +39,10 @@ def run_twin(
             write_report(result, opened.setup, report)
         show(result.to_dict(), result.text(every=every), as_json)
         if not opened.setup.decides:
+            unit = next(iter(opened.setup.model.outputs)).unit
             typer.echo(
                 f"evertwin: {twin}: nothing is tuned or corrected without a requirement: set "
-                "[anomaly] requirement, such as '1 cm' or 0.05 of the rms",
+                f"[anomaly] requirement, such as '1 {unit}' or 0.05 of the rms",
                 err=True,
             )
     if check and (result.of_kind(*FINDINGS) or any(one.finding for one in result.left_out)):

@@ -136,7 +136,7 @@ class Runner:
             self.condition.looked(work.now)
             self.row = self.work.row
             newest = await self.lane.do(self.work.newest)
-            around = Around(folder=Path(self.plan.spec.folder))
+            around = Around(Path(self.plan.spec.folder), twin=self.name)
             specs = {s.name: s for s in self.plan.spec.source + self.plan.spec.array}
             for one in self.plan.sources:
                 source = open_live(one, specs[one.source], around)

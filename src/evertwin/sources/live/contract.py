@@ -173,6 +173,8 @@ class Around:
     """What relative paths in their settings are relative to."""
     pace: Pace = field(default_factory=Pace)
     """Replayed recordings keep step by it."""
+    twin: str = ""
+    """Its name, for the log."""
 
     def file(self, text: str | None) -> Path | None:
         """A file that settings name, by its path here."""

@@ -61,7 +61,7 @@ class Growing(Line):
     """The source. See the module for an example."""
 
     def __init__(self, settings: GrowingSettings, spec: SourceSpec, around: Around) -> None:
-        super().__init__(settings, spec, arrives=False)
+        super().__init__(settings, spec, around, arrives=False)
         self.path = around.folder / expand(settings.path)
         self.look = settings.look
         self.backoff = Backoff(self.look, max(self.look, 1.0))

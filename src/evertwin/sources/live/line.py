@@ -18,7 +18,7 @@ from evertwin.backoff import Backoff
 from evertwin.errors import DataError, reason_of
 from evertwin.fold import Chunk
 from evertwin.sources.live.arrays import decoder_of
-from evertwin.sources.live.contract import Health, LiveSettings
+from evertwin.sources.live.contract import Around, Health, LiveSettings
 from evertwin.sources.live.decode import Columns
 from evertwin.sources.live.telling import Telling
 from evertwin.sources.spec import ArraySpec, SourceSpec
@@ -44,9 +44,10 @@ class Line(ABC):
     """
 
     def __init__(
-        self, settings: LiveSettings, spec: SourceSpec | ArraySpec, *, arrives: bool = True
+        self, settings: LiveSettings, spec: SourceSpec | ArraySpec, around: Around, *,
+        arrives: bool = True,
     ) -> None:  # fmt: skip
-        self.told = Telling(spec.name)
+        self.told = Telling(spec.name, around.twin)
         self.decoder = decoder_of(spec, self.told, settings, arrives=arrives)
         self.backoff = Backoff()
         self._queue: asyncio.Queue[Chunk | None] = asyncio.Queue(WAITING)

@@ -82,7 +82,7 @@ class Modbus(Line):
     settings = ModbusSettings
 
     def __init__(self, settings: ModbusSettings, spec: SourceSpec, around: Around) -> None:
-        super().__init__(settings, spec)
+        super().__init__(settings, spec, around)
         self.machine = settings
         self.decoder.clock.polled = True
         self.blocks = blocks_of(settings.registers.values())

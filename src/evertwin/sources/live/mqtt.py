@@ -61,7 +61,7 @@ class Mqtt(Line):
     def __init__(
         self, settings: MqttSettings, spec: SourceSpec | ArraySpec, around: Around
     ) -> None:
-        super().__init__(settings, spec)
+        super().__init__(settings, spec, around)
         self.broker = settings
         self.around = around
         self.count = Count()

@@ -55,7 +55,7 @@ class Opcua(Line):
     settings = OpcuaSettings
 
     def __init__(self, settings: OpcuaSettings, spec: SourceSpec, around: Around) -> None:
-        super().__init__(settings, spec)
+        super().__init__(settings, spec, around)
         self.server = settings
         self.around = around
         self._pace = Passed()

@@ -63,7 +63,7 @@ class Replay:
         self.settings = settings
         self.spec = spec
         self.around = around
-        self.told = Telling(spec.name)
+        self.told = Telling(spec.name, around.twin)
         self.name = spec.name
         self._stored: tuple[int, int] | None = None
         self._closing = asyncio.Event()

@@ -43,7 +43,7 @@ class Ros(Line):
     arrays = True
 
     def __init__(self, settings: RosSettings, spec: SourceSpec | ArraySpec, around: Around) -> None:
-        super().__init__(settings, spec)
+        super().__init__(settings, spec, around)
         self.ros = settings
         self._array = spec.column if isinstance(spec, ArraySpec) else None
         self._prefix = ""

@@ -22,8 +22,8 @@ KINDS = 64
 class Telling:
     """The counts of one source. See the module for an example."""
 
-    def __init__(self, name: str) -> None:
-        self.name = name
+    def __init__(self, name: str, twin: str = "") -> None:
+        self.name, self.twin = name, twin
         self.state: State = "connecting"
         self.since = time.time()
         self.newest: int | None = None
@@ -78,20 +78,24 @@ class Telling:
         if self.state == "up":
             return
         self._ups += 1
-        LOG.info("%s: up%s", self.name, f" after {self._down():.1f} s" if self._ups > 1 else "")
+        self._say(logging.INFO, f"up after {self._down():.1f} s" if self._ups > 1 else "up")
         self._turn("up")
 
     def down(self, reason: str) -> None:
         """It does not, for this reason; said once until it is up again."""
         self.reason = self._line = reason
         if self.state != "down":
-            LOG.warning("%s: down: %s", self.name, reason)
+            self._say(logging.WARNING, f"down: {reason}")
             self._turn("down")
 
     def end(self) -> None:
         """There will be no more."""
         if self.state != "ended":
             self._turn("ended")
+
+    def _say(self, level: int, what: str) -> None:
+        of = f"{self.twin}: " if self.twin else ""
+        LOG.log(level, "%s%s: %s", of, self.name, what, extra={"twin": self.twin})
 
     def _down(self) -> float:
         return time.time() - self.since
