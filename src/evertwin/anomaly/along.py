@@ -16,7 +16,7 @@ import numpy as np
 
 from evertwin.signals import wrap
 from evertwin.tuning import Problem
-from evertwin.types import Float64, Outputs, Vector
+from evertwin.types import Bools, Float64, Outputs, Vector
 
 STEP = 1e-3
 """Share of an input by which its effect is told."""
@@ -60,6 +60,31 @@ def timed(
     rows = np.linalg.lstsq(columns, off, rcond=None)[0]
     rows = np.where(np.abs(rows) < 1.0, rows, 0.0)  # more of them are a delay or a lag
     return r - np.where(np.isfinite(effect), effect, 0.0) @ rows, rows
+
+
+def late(left: Outputs, predicted: Outputs, follows: Bools) -> Outputs:
+    """What a static map leaves, less what a shift of up to a row leaves of its predictions: what a
+    derivative is of lies between two rows, what it is compared with is held from one to the next.
+
+    >>> t = np.arange(200.0)[:, None]
+    >>> y, seen = np.sin(0.1 * t), np.sin(0.1 * (t - 0.4))
+    >>> left = late(seen - y, y, np.ones(200, dtype=bool))
+    >>> bool(left.std() < 0.2 * (seen - y).std())
+    True
+
+    Args:
+        follows: is a row the next of the one before? (n,)
+    """
+    found = left.copy()
+    step = np.diff(predicted, axis=0, prepend=predicted[:1])
+    step[~follows] = np.nan
+    for k in range(left.shape[1]):
+        known = np.isfinite(left[:, k]) & np.isfinite(step[:, k])
+        size = float(step[known, k] @ step[known, k])
+        rows = float(step[known, k] @ left[known, k]) / size if size > 0.0 else 0.0
+        if abs(rows) < 1.0:  # more of them are a delay or a lag
+            found[known, k] -= rows * step[known, k]
+    return found
 
 
 def along(

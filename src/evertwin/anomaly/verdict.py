@@ -42,7 +42,7 @@ from typing import Any
 
 import numpy as np
 
-from evertwin.anomaly.along import along, effects, timed
+from evertwin.anomaly.along import along, effects, late, timed
 from evertwin.fold import plain
 from evertwin.models.kernel import CONTINUE
 from evertwin.tuning import Dependence, Fit, Problem
@@ -177,8 +177,11 @@ def _dependence(
     """The dependence that weighs most, None if none counts; its part of the deviation; and the rows
     by which inputs act sooner, where all there is of it is that."""
     found = _weightiest(problem.residuals(fit.values), fit, problem, rule)
-    if found[0] is None or not len(problem.model.states):
+    if found[0] is None:
         return *found, None
+    if not len(problem.model.states):
+        left = late(problem.residuals(fit.values), problem.predict(fit.values), problem.rows.dt > 0)
+        return *_weightiest(left, fit, problem, rule), None
     left, sooner = timed(problem, fit.values, fit.noise)
     found = _weightiest(left, fit, problem, rule)
     return *found, sooner if found[0] is None else None

@@ -18,9 +18,9 @@ from evertwin.fold import Block, take
 from evertwin.gauges.gauge_rows import residual, unchanged
 from evertwin.gauges.sensor_change import unmeasured
 from evertwin.gauges.settled import settled
-from evertwin.tuning import Problem
+from evertwin.tuning import Fit, Problem
 from evertwin.tuning.recordings import beginning
-from evertwin.types import Inputs, Outputs, PerOutput
+from evertwin.types import Inputs, Outputs, PerOutput, Vector
 
 BLOCKS, ROWS = 384, 10
 """Blocks of a window at most, rows of one at least: neighbouring rows are alike."""
@@ -30,6 +30,8 @@ PART = 0.25
 """Share by which the mean square before the place rises at least by the fit to the rows behind."""
 RESTORED = 0.7
 """Share of the rise at the place that this fit has to take back."""
+SURE = 1.0
+"""Times its 95 % interval that a number has to move."""
 BINS = 20
 """Parts of an input's range that count as one place."""
 Windows = tuple[Block, ...]
@@ -97,11 +99,12 @@ def changed(windows: Windows, pose: Callable[[Windows], Problem]) -> int:
     place = likely(unchanged(whole))
     if not place:
         return 0
-    fitted = settled(pose(split(windows, place)[1]))
-    values, begins = whole.start.copy(), beginning(whole.model, whole.names)  # of the first rows
-    for name, value in zip(fitted.names, fitted.values, strict=True):
-        if name in whole.names and name not in begins:
-            values[whole.names.index(name)] = value
+    old, new = split(windows, place)
+    values, half = _numbers(whole, settled(pose(new)))
+    was, about = _numbers(whole, settled(pose(old)))
+    sure = np.hypot(half, np.where(np.isfinite(about), about, 0.0))
+    if not (np.abs(values - was) > SURE * sure).any():  # chance tells as much
+        return 0
     start, fit = (np.square(residual(whole, v)) for v in (whole.start, values))
     size = _mean(start)
     # the row from which on the fit is the better one, summed over all rows
@@ -113,6 +116,18 @@ def changed(windows: Windows, pose: Callable[[Windows], Problem]) -> int:
     explained = float(np.nansum((after - left) / before))
     alike = float(np.nansum((worse - before) / before)) <= PART
     return place if 0.0 < RESTORED * rise <= explained and not alike else 0
+
+
+def _numbers(whole: Problem, fit: Fit) -> tuple[Vector, Vector]:
+    """The machine's numbers as a fit to some of the rows tells them, and half their 95 % intervals;
+    as they were, and infinity, of others and of those that these rows do not tell."""
+    values, half = whole.start.copy(), np.full(len(whole.start), np.inf)
+    begins = beginning(whole.model, whole.names)  # of the first rows
+    wide = np.diff(fit.interval95, axis=1)[:, 0] / 2.0
+    for name, value, width in zip(fit.names, fit.values, wide, strict=True):
+        if name in whole.names and name not in begins and np.isfinite(width):
+            values[whole.names.index(name)], half[whole.names.index(name)] = value, width
+    return values, half
 
 
 def _seen(u: Inputs, place: int) -> np.ndarray:

@@ -13,20 +13,30 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from evertwin.fold import Block
+from evertwin.gauges.change import likely
+from evertwin.gauges.foretold import Past, usual
 from evertwin.gauges.unlike import changes
 from evertwin.models import Model
 from evertwin.models.kernel import CONTINUE
+from evertwin.rows.alignment import apart
 from evertwin.setup.evaluation import off_after
 from evertwin.setup.setup import Setup
 from evertwin.tuning import Fit, Problem
-from evertwin.types import ParameterVector, Vector
+from evertwin.types import Outputs, ParameterVector, PerOutput, Vector
 
 ROWS = 30
 """Steps below which a scatter cannot be told."""
+LITTLE = 0.1
+"""Share of a residual that may be foretold for it to be called noise."""
+GROWS = 1.5
+"""Times that a mean square grows at a row, from which on something happened there."""
+PIECES = 4
+"""Of so many rows as a deviation is judged on, from which on their spread can be told."""
 MORE, CHANCE = 1.25, 3.0
 """How many times what noise makes a mean square may be for nothing else to be said of it: so many,
 or what few predictions leave to chance, in standard deviations of a mean square."""
@@ -78,22 +88,74 @@ def floor(setup: Setup, level: Vector, windows: Sequence[Block]) -> Vector:
     return np.asarray(np.divide(found, size, out=np.zeros_like(found), where=size > 0.0))
 
 
-def buried(setup: Setup, problem: Problem, fit: Fit) -> str:
-    """Why tuning cannot reach what is asked: the measurement scatters by more; else nothing."""
+class Buried(NamedTuple):
+    """Why tuning cannot reach what is asked: noise alone makes more.
+
+    >>> Buried("", np.array([0.2])).level.tolist()
+    [0.2]
+    """
+
+    reason: str
+    level: PerOutput
+    """Rms that it makes of each output's residual at most; 0: less than what is asked."""
+
+
+def buried(setup: Setup, problem: Problem, fit: Fit, share: float) -> Buried | None:
+    """What noise makes of the deviation; None where it is not noise that makes it.
+
+    Args:
+        share: of what is left, what an input explains.
+    """
     off = off_after(setup, problem, fit)
     beyond = np.flatnonzero(setup.watched & (off > setup.requirement))
     if not len(beyond):
-        return ""
+        return None
     level = noise(setup, problem.model, fit.p, problem.windows)
     least = floor(setup, level, problem.windows)
     predictions = int((problem.restart.code != CONTINUE).sum())
     more = max(MORE, 1.0 + CHANCE * math.sqrt(2.0 / max(predictions, 1)))
     alone = (least > setup.requirement) & (off**2 <= more * least**2)
-    if not alone[beyond].all():
-        return ""
     k = int(beyond[np.argmax(least[beyond])])
-    share = setup.shown(k, min(least[k], off[k]))
-    return (
-        f"the noise of {problem.model.outputs.names[k]}'s measurement alone makes "
-        f"{share} of it, which no model can foretell: allow more, or measure better"
+    whose = f"the noise of {problem.model.outputs.names[k]}'s measurement"
+    cure = "allow more, or measure better"
+    if not alone[beyond].all():
+        if not setup.static or share > LITTLE or _foretold(setup, problem, fit, beyond) > LITTLE:
+            return None
+        k, least = int(beyond[np.argmax(off[beyond])]), off
+        whose = f"noise of what {problem.model.outputs.names[k]} is predicted from"
+        cure = "allow more, smooth it ([filter]), or measure better"
+    told = setup.shown(k, min(least[k], off[k]))
+    return Buried(
+        f"{whose} alone makes {told} of it, which no model can foretell: {cure}",
+        np.array([_most(setup, problem, fit, k) if k in beyond else 0.0 for k in range(len(off))]),
     )
+
+
+def _most(setup: Setup, problem: Problem, fit: Fit, k: int) -> float:
+    """Rms that what is left of an output comes to by chance, on so many rows as it is judged on."""
+    rows, left = problem.rows, problem.residuals(fit.values)[:, k]
+    squares = np.square(left[rows.moving[:, k] & np.isfinite(left)])
+    pieces = len(squares) // setup.enough
+    mean, spread = float(squares.mean()), 0.0
+    if pieces >= PIECES:
+        parts = squares[: pieces * setup.enough].reshape(pieces, -1).mean(axis=1)
+        spread = CHANCE * float(parts.std(ddof=1))
+    return math.sqrt(max(mean + spread, MORE**2 * mean))
+
+
+def _foretold(setup: Setup, problem: Problem, fit: Fit, outputs: np.ndarray) -> float:
+    """The largest share of what is left of these outputs that could have been foretold."""
+    rows, left = problem.rows, problem.residuals(fit.values)
+    left = np.where(rows.moving, left, np.nan)
+    bulk = np.stack([usual(left[:, k]) for k in outputs], axis=1)
+    if (place := likely(bulk)) and _grows(bulk, place):
+        return 1.0
+    window = np.repeat(np.arange(len(problem.windows)), [len(w.t) for w in problem.windows])
+    past = Past(rows.u, window, apart(setup.spec))
+    return max(past.share(left[:, k]) for k in outputs)
+
+
+def _grows(left: Outputs, place: int) -> bool:
+    """Is more left from a row on? Noise begins nowhere."""
+    before, after = (np.nanmean(np.square(part)) for part in (left[:place], left[place:]))
+    return bool(after > GROWS * before)

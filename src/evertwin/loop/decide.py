@@ -25,7 +25,7 @@ from evertwin.loop.heeding import heed
 from evertwin.loop.in_stream import tell_followed
 from evertwin.loop.looking import adopted, in_vain, looks, returned
 from evertwin.loop.requirement import deviates, foreseen, heard
-from evertwin.loop.succession import driven, in_doubt, makes_room, opening, to_blame
+from evertwin.loop.succession import clears, driven, in_doubt, makes_room, opening, to_blame
 from evertwin.loop.unanswered import unanswered
 from evertwin.models.form import Form
 from evertwin.refit.states import tried
@@ -148,11 +148,11 @@ class Decide:
             again = 0 if last or reason == "" else again
             held = reason == ""
             over = held and bool(agenda.doubt) and driven(setup, decision.state.ring)
-            doubt = "" if over else agenda.doubt
+            if over:
+                clears(decision, f"over {setup.enough} rows the live version is as near as it was")
             decision.remember(
-                again=again, held=agenda.held or held, commissioned=agenda.commissioned or held,
-                doubt=doubt,
-            )  # fmt: skip
+                again=again, held=agenda.held or held, commissioned=agenda.commissioned or held
+            )
         if reason is not None:
             decision.remember(look=0, pace=0)
         every = state.elapsed - agenda.fitted >= setup.schedule
@@ -266,6 +266,8 @@ class Decide:
             model, nu = setup.model, len(setup.model.inputs)
             columns = [nu + model.outputs.index(name) for name in names]
             refuse(decision.state.ring, columns, *span)
+        if "noise" in content:
+            decision.state.scores.usual.noise[:] = content["noise"]
         if content.get("tuned"):
             decision.remember(tunings=agenda.tunings + 1, cause="")
         candidate = content.get("candidate")

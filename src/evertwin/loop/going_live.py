@@ -131,7 +131,8 @@ def goes_live(follow: Follow, state: TwinState, number: int, other: Any, first: 
         other = other._replace(track=())
         recovery.harm[0] = follow.recovery.before  # its trial has told that it did better
     updates = np.array([_updates(lane), _updates(first)], dtype=np.int64)
-    scores = new_scores(state.scores.usual, updates, state.row, state.scores.scale)
+    usual = state.scores.usual._replace(noise=np.zeros(len(state.scores.scale)))
+    scores = new_scores(usual, updates, state.row, state.scores.scale)
     if state.agenda.brief < 0.0:  # what was seen until now another version was judged on
         state.ring.seen[:] = follow.setup.ring.unseen()
     return state._replace(

@@ -8,7 +8,7 @@ import numpy as np
 
 from evertwin.loop.follow import NONE, early
 from evertwin.setup.detectors import Alarm
-from evertwin.setup.deviation import Sums, judged_deviation
+from evertwin.setup.deviation import Sums, judged_deviation, limits
 from evertwin.setup.setup import Setup
 from evertwin.setup.twin_state import TwinState
 
@@ -42,7 +42,8 @@ def _matters(setup: Setup, state: TwinState, alarm: Alarm) -> bool:
     grown = now**2 - (before**2 if past.samples[k] else 0.0)
     rows = setup.watch(NONE, state.agenda.held).rows
     whole = max(1.0, rows / int(scores.seen[0]))
-    return bool(grown >= whole * (LITTLE * setup.requirement) ** 2)
+    asked = limits(setup.requirement, scores.watch, setup.relative, scores.usual)[k]
+    return bool(grown >= whole * (LITTLE * asked) ** 2)
 
 
 def deviates(
@@ -68,15 +69,17 @@ def _off(setup: Setup, state: TwinState) -> tuple[str, str, dict[str, Any]]:
     watch = state.scores.watch
     values = judged_deviation(watch, setup.relative, state.scores.usual)
     values = np.where(setup.watched, values, np.nan)
-    if not np.nanmax(values, initial=0.0) > setup.requirement:
+    allowed = limits(setup.requirement, watch, setup.relative, state.scores.usual)
+    beyond = np.where(values > allowed, values, np.nan)
+    if np.isnan(beyond).all():
         return "", "", {}
-    worst = int(np.nanargmax(values))
+    worst = int(np.nanargmax(beyond))
     name = setup.model.outputs.names[worst]
     shown = [setup.shown(k, values[k]) for k in range(len(values))]
-    limit = setup.shown(worst, setup.requirement)
+    limit = setup.shown(worst, allowed[worst])
     first = state.row - int(state.scores.seen[0])
     evidence = {
-        "deviation": values, "limit": setup.requirement, "rows": max(watch.samples.tolist()),
+        "deviation": values, "limit": allowed[worst], "rows": max(watch.samples.tolist()),
         "first": first,
     }  # fmt: skip
     return f"{name} is off by {shown[worst]} (limit {limit})", name, evidence

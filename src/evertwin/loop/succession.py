@@ -97,11 +97,16 @@ def _with(content: Mapping[str, Any], channel: str) -> Mapping[str, Any]:
 
 def _cleared(decision: Decision, setup: Setup) -> None:
     """Later rows refute what was said of a channel: what is off on them may be learned."""
-    channel, row = decision.state.agenda.doubt, decision.state.row
-    since = max(decision.state.agenda.since, row - setup.enough)
-    said = f"{channel} is in doubt no longer: rows from {called(since)} on refute what was said"
-    decision.say("normal", channel, said, {"doubt": channel})
-    decision.remember(doubt="", accused="", since=since)
+    since = max(decision.state.agenda.since, decision.state.row - setup.enough)
+    clears(decision, f"rows from {called(since)} on refute what was said")
+    decision.remember(accused="", since=since)
+
+
+def clears(decision: Decision, why: str) -> None:
+    """The channel in doubt is so no longer."""
+    channel = decision.state.agenda.doubt
+    decision.say("normal", channel, f"{channel} is in doubt no longer: {why}", {"doubt": channel})
+    decision.remember(doubt="")
 
 
 def driven(setup: Setup, rows: Rows) -> bool:

@@ -40,7 +40,7 @@ def nothing_better(
     doubted = of_a_sensor(events)
     if doubted:
         return doubted
-    verdicts = [e for e in events if e.kind in ("noise", "normal", "abnormal", "promoted")]
+    verdicts = [e for e in events if e.kind in ("noise", "normal", "abnormal")]
     if verdicts and verdicts[-1].kind == "noise":
         return verdicts[-1].reason
     depends = _dependence(events)

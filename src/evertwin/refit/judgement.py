@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -87,12 +88,16 @@ def _judged(setup: Setup, problem: Problem, fit: Fit) -> Verdict:
         if chosen:
             refits[cause] = solve(problem.tuning((*chosen, *own)))
     found = branch(fit, problem, refits, frozenset(setup.editable))
-    noisy = buried(setup, problem, fit)
-    if noisy and (found.kind == "normal" or found.evidence["dependence"]):
-        return replace(found, kind="noise", reason=noisy)
+    depends: Any = found.evidence["dependence"]
+    noisy = buried(setup, problem, fit, depends["share"] if depends else 0.0)
+    if noisy and (found.kind == "normal" or depends):
+        level = {**found.evidence, "noise": noisy.level.tolist()}
+        return replace(found, kind="noise", reason=noisy.reason, evidence=level)
     short = falls_short(setup, problem, fit)
-    if found.kind != "normal" or not short:
+    if found.kind != "normal":
         return found
+    if not short:
+        return replace(found, evidence={**found.evidence, "noise": [0.0] * len(fit.outputs)})
     if setup.spec.correction.terms:
         return replace(found, kind="abnormal", reason=f"{short}: the form does not reach it")
     part = explained(fit, fit.noise)

@@ -249,6 +249,7 @@ class Work(Tuner):
             "events": events, "fit": fit.to_dict(timing=False), "tuned": True, **rounds,
         }  # fmt: skip
         helps = verdict.kind != "abnormal" or verdict.alone or self._helps(verdict, fit)
+        content |= {k: v for k, v in verdict.evidence.items() if k == "noise"}
         first = helps and numbers_first(self.setup, problem, task, verdict, part)
         if verdict.kind == "abnormal" and self._next() and not first:
             content["candidate"] = self._named(verdict, version, problem, events)

@@ -16,6 +16,7 @@ read from files or pushed one at a time.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -287,6 +288,16 @@ def reach(spec: TwinSpec) -> int:
         one.low_pass.delay if one.low_pass else rows.get(one.op, round(0.5 * one.value * rate))
         for one in wide
     )
+
+
+def apart(spec: TwinSpec) -> int:
+    """Rows apart from which on two rows share hardly any noise: none is left where a filter has
+    passed half a period of its cutoff."""
+    rule, rate = spec.filter, spec.clock.rate or 0.0
+    band = 0 if rule is None else math.ceil(0.5 * rate / rule.cutoff)
+    wide = (1 if one.op == "derivative" else round(0.5 * one.value * rate)
+            for one in spec.derive if one.op in WIDE and one.op != "filter")  # fmt: skip
+    return band + 2 * sum(wide) + 1
 
 
 def low_pass(spec: TwinSpec) -> Symmetric:

@@ -54,19 +54,21 @@ class Usual(NamedTuple):
     """Of the row before."""
     jumps: Vector
     """Σ (change since the row before)², of temperatures."""
+    noise: Vector
+    """Rms residual that noise alone makes at most; 0: none is known to be above what is asked."""
 
 
 def new_usual(temperatures: Bool[np.ndarray, " ny"]) -> Usual:
     """Nothing was measured yet."""
     none, unknown = np.zeros(len(temperatures)), np.full(len(temperatures), np.nan)
     far = np.where(temperatures, np.inf, np.nan)
-    return Usual(none, none.astype(np.int64), far, -far, unknown, none.copy())
+    return Usual(none, none.astype(np.int64), far, -far, unknown, none.copy(), none.copy())
 
 
 @njit(cache=True)
 def count_in(k: int, usual: Any, y: float) -> None:
     """One more measurement of an output."""
-    measured, samples, lowest, highest, last, jumps = usual
+    measured, samples, lowest, highest, last, jumps, _ = usual
     measured[k] += y * y
     samples[k] += 1
     if lowest[k] == lowest[k]:
@@ -82,12 +84,19 @@ def mean_square(k: int, sums: Any, usual: Any) -> float:
     Never less than usual: where a window is short, lacks samples or hardly moves, a few rows near
     zero make no deviation large. Of a temperature it is the square of its range.
     """
-    _, samples, lowest, highest, _, jumps = usual
+    _, samples, lowest, highest, _, jumps, _ = usual
     if lowest[k] == lowest[k] and samples[k] > 0:
         span, noise = highest[k] - lowest[k], jumps[k] / (2.0 * samples[k])
         return float(max(span * span, STOOD * STOOD * noise))
     size = sums[1][k] / sums[2][k]
     return float(max(size, usual[0][k] / usual[1][k]) if usual[1][k] > 0 else size)
+
+
+def limits(requirement: float, sums: Sums, relative: bool, usual: Usual) -> Vector:
+    """What `judged_deviation` is held to per output: what is asked, or what noise lets reach."""
+    noise = sums._replace(residual=np.square(usual.noise) * sums.samples)
+    found: Vector = np.fmax(requirement, judged_deviation(noise, relative, usual))
+    return found
 
 
 def judged_deviation(sums: Sums, relative: bool, usual: Usual) -> Vector:

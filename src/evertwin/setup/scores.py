@@ -61,14 +61,15 @@ class Watch(NamedTuple):
 
 @njit(cache=True)
 def exceeds(sums: Any, seen: Any, usual: Any, watch: Any) -> bool:
-    """Is an output off by more than the limit over the rows of a window, were those perfect that
-    have not come yet?"""
+    """Is an output off by more than the limit, and more than noise makes it, over the rows of a
+    window, were those perfect that have not come yet?"""
     residual, _, samples = sums
     whole = max(1.0, watch.rows / seen[0])
     for k in range(samples.shape[0]):
         if watch.outputs[k] and samples[k] > 0:
             base = mean_square(k, sums, usual) if watch.relative else 1.0
-            if residual[k] > watch.limit * watch.limit * base * samples[k] * whole:
+            limit = max(watch.limit * watch.limit * base, usual[6][k] * usual[6][k])
+            if residual[k] > limit * samples[k] * whole:
                 return True
     return False
 

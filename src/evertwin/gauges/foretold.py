@@ -1,0 +1,102 @@
+"""How much of what a static map leaves could have been foretold, by its past or by its inputs.
+
+The noise of an input that counts much, such as an acceleration, which is a derivative, leaves as
+much of an output as it would of any form. It has no memory beyond the rows that a filter and a
+derivative are computed from, and nothing to do with what the machine did before. What a form lacks
+goes on for as long as a motion does, or comes back with it.
+
+>>> rng, t = np.random.default_rng(0), np.arange(2000) * 0.05
+>>> seen, lacked = np.sin(t)[:, None], np.cos(3.0 * t) ** 3
+>>> whole = np.zeros(2000, dtype=np.int64)
+>>> by = Past(seen, whole, 3)
+>>> by.share(rng.normal(0.0, 1.0, 2000)), by.share(lacked + rng.normal(0.0, 0.1, 2000)) > 0.9
+(0.0, True)
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+
+from evertwin.types import Float64, Inputs, Int64, Vector
+
+LAGS = (0, 1, 2, 4, 8, 16, 32)
+"""Rows before the newest one that shares no noise with this one, at which the residual is known."""
+TIMES = 20
+"""Rows for each number that foretells, below which nothing can be said."""
+WIDE = 4.5
+"""Times the median size of a residual, that of 3 standard deviations, at which rows are cut: where
+a command steps, a derivative is wrong by more than all else."""
+FEW = 6
+"""Inputs up to which each two of them are looked at together."""
+
+
+def usual(left: Vector) -> Vector:
+    """A residual whose few largest rows are cut down.
+
+    >>> usual(np.array([1.0, -1.0, 1.0, 90.0])).tolist()
+    [1.0, -1.0, 1.0, 4.5]
+    """
+    size = WIDE * float(np.nanmedian(np.abs(left))) if np.isfinite(left).any() else 0.0
+    found: Vector = np.clip(left, -size, size)
+    return found
+
+
+class Past(NamedTuple):
+    """What a residual may be foretold by."""
+
+    u: Inputs
+    """Inputs of the model."""
+    window: Int64[np.ndarray, " n"]
+    """To which window each row belongs."""
+    reach: int
+    """Rows apart from which on two rows share no noise."""
+
+    def share(self, left: Vector) -> float:
+        """Share of the mean square that is foretold on rows that nothing was learned from, the few
+        largest of which would hide what is; 1: there are too few to say.
+
+        Args:
+            left: residual of an output, NaN where it is not known.
+        """
+        bulk = usual(left)
+        part = float(np.nansum(np.square(bulk)) / max(np.nansum(np.square(left)), 1e-300))
+        return max(self._share(left), part * self._share(bulk))
+
+    def _share(self, left: Vector) -> float:
+        known = np.isfinite(left)
+        by = np.column_stack([self._residuals(left), self._inputs()])[known]
+        y, half = left[known], int(known.sum()) // 2
+        if half < TIMES * by.shape[1]:
+            return 1.0
+        lost = total = 0.0
+        for mine in (slice(None, half), slice(half, None)):
+            other = np.ones(len(y), dtype=np.bool_)
+            other[mine] = False
+            weights = np.linalg.lstsq(by[other], y[other], rcond=1e-9)[0]
+            lost += float(np.sum(np.square(y[mine] - by[mine] @ weights)))
+            total += float(np.sum(np.square(y[mine])))
+        return max(1.0 - lost / total, 0.0) if total > 0.0 else 1.0
+
+    def _before(self, columns: np.ndarray, rows: int) -> np.ndarray:
+        """So many rows before, of the same window; 0 where there is none."""
+        found = np.zeros_like(columns)
+        if rows < len(columns):
+            found[rows:] = columns[:-rows]
+            found[rows:][self.window[rows:] != self.window[:-rows]] = 0.0
+        return found
+
+    def _residuals(self, left: Vector) -> Float64[np.ndarray, "n lags"]:
+        own = np.nan_to_num(left)
+        return np.stack([self._before(own, self.reach + lag) for lag in LAGS], axis=1)
+
+    def _inputs(self) -> Float64[np.ndarray, "n k"]:
+        u = np.nan_to_num(
+            (self.u - np.nanmean(self.u, axis=0)) / (np.nanstd(self.u, axis=0) + 1e-300)
+        )
+        sign = np.sign(np.nan_to_num(self.u))
+        before = self._before(np.column_stack([u, np.abs(u), sign]), self.reach)
+        pairs = combinations(u.T, 2) if u.shape[1] <= FEW else ()
+        return np.column_stack([np.ones(len(u)), before, *(a * b for a, b in pairs)])
