@@ -22,10 +22,12 @@ import numpy as np
 
 from evertwin.types import Float64, Inputs, Int64, Vector
 
-LAGS = (0, 1, 2, 4, 8, 16, 32)
-"""Rows before the newest one that shares no noise with this one, at which the residual is known."""
+SPANS = (1, 2, 4, 8, 16, 32)
+"""Newest rows that share no noise with this one, over which the residual's mean is known."""
 TIMES = 20
 """Rows for each number that foretells, below which nothing can be said."""
+PARTS = 10
+"""Parts of the rows, every other of which tells of the rest: all see the same motions."""
 WIDE = 4.5
 """Times the median size of a residual, that of 3 standard deviations, at which rows are cut: where
 a command steps, a derivative is wrong by more than all else."""
@@ -67,30 +69,29 @@ class Past(NamedTuple):
 
     def _share(self, left: Vector) -> float:
         known = np.isfinite(left)
-        by = np.column_stack([self._residuals(left), self._inputs()])[known]
-        y, half = left[known], int(known.sum()) // 2
-        if half < TIMES * by.shape[1]:
-            return 1.0
-        lost = total = 0.0
-        for mine in (slice(None, half), slice(half, None)):
-            other = np.ones(len(y), dtype=np.bool_)
-            other[mine] = False
-            weights = np.linalg.lstsq(by[other], y[other], rcond=1e-9)[0]
-            lost += float(np.sum(np.square(y[mine] - by[mine] @ weights)))
-            total += float(np.sum(np.square(y[mine])))
-        return max(1.0 - lost / total, 0.0) if total > 0.0 else 1.0
+        y, part = left[known], np.arange(known.sum()) * PARTS // max(known.sum(), 1) % 2 == 0
+        found = [0.0]
+        for by in (self._residuals(left)[known], self._inputs()[known]):
+            if min(part.sum(), (~part).sum()) < TIMES * by.shape[1]:
+                return 1.0
+            lost = 0.0
+            for mine in (part, ~part):
+                weights = np.linalg.lstsq(by[~mine], y[~mine], rcond=1e-9)[0]
+                lost += float(np.sum(np.square(y[mine] - by[mine] @ weights)))
+            found.append(1.0 - lost / max(float(np.sum(np.square(y))), 1e-300))
+        return max(found)
 
     def _before(self, columns: np.ndarray, rows: int) -> np.ndarray:
         """So many rows before, of the same window; 0 where there is none."""
         found = np.zeros_like(columns)
-        if rows < len(columns):
-            found[rows:] = columns[:-rows]
-            found[rows:][self.window[rows:] != self.window[:-rows]] = 0.0
+        found[rows:] = columns[:-rows]
+        found[rows:][self.window[rows:] != self.window[:-rows]] = 0.0
         return found
 
-    def _residuals(self, left: Vector) -> Float64[np.ndarray, "n lags"]:
-        own = np.nan_to_num(left)
-        return np.stack([self._before(own, self.reach + lag) for lag in LAGS], axis=1)
+    def _residuals(self, left: Vector) -> Float64[np.ndarray, "n spans"]:
+        sums = np.cumsum(np.nan_to_num(left))
+        means = [(sums - np.pad(sums, (span, 0))[: len(sums)]) / span for span in SPANS]
+        return self._before(np.stack(means, axis=1), self.reach)
 
     def _inputs(self) -> Float64[np.ndarray, "n k"]:
         u = np.nan_to_num(
