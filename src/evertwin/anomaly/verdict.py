@@ -181,7 +181,8 @@ def _dependence(
         return *found, None
     if not len(problem.model.states):
         left = late(problem.residuals(fit.values), problem.predict(fit.values), problem.rows.dt > 0)
-        return *_weightiest(left, fit, problem, rule), None
+        again = _weightiest(left, fit, problem, rule)
+        return *(again if again[0] is None else found), None
     left, sooner = timed(problem, fit.values, fit.noise)
     found = _weightiest(left, fit, problem, rule)
     return *found, sooner if found[0] is None else None

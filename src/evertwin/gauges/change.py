@@ -30,8 +30,6 @@ PART = 0.25
 """Share by which the mean square before the place rises at least by the fit to the rows behind."""
 RESTORED = 0.7
 """Share of the rise at the place that this fit has to take back."""
-SURE = 1.0
-"""Times its 95 % interval that a number has to move."""
 BINS = 20
 """Parts of an input's range that count as one place."""
 Windows = tuple[Block, ...]
@@ -101,10 +99,11 @@ def changed(windows: Windows, pose: Callable[[Windows], Problem]) -> int:
         return 0
     old, new = split(windows, place)
     values, half = _numbers(whole, settled(pose(new)))
-    was, about = _numbers(whole, settled(pose(old)))
-    sure = np.hypot(half, np.where(np.isfinite(about), about, 0.0))
-    if not (np.abs(values - was) > SURE * sure).any():  # chance tells as much
-        return 0
+    if not len(whole.model.states):
+        was, about = _numbers(whole, settled(pose(old)))
+        sure = np.hypot(half, np.where(np.isfinite(about), about, 0.0))
+        if not (np.abs(values - was) > sure).any():  # chance tells as much
+            return 0
     start, fit = (np.square(residual(whole, v)) for v in (whole.start, values))
     size = _mean(start)
     # the row from which on the fit is the better one, summed over all rows
@@ -119,13 +118,13 @@ def changed(windows: Windows, pose: Callable[[Windows], Problem]) -> int:
 
 
 def _numbers(whole: Problem, fit: Fit) -> tuple[Vector, Vector]:
-    """The machine's numbers as a fit to some of the rows tells them, and half their 95 % intervals;
-    as they were, and infinity, of others and of those that these rows do not tell."""
+    """The machine's numbers as a fit to some of the rows tells them, the others as they were; and
+    half their 95 % intervals."""
     values, half = whole.start.copy(), np.full(len(whole.start), np.inf)
     begins = beginning(whole.model, whole.names)  # of the first rows
     wide = np.diff(fit.interval95, axis=1)[:, 0] / 2.0
     for name, value, width in zip(fit.names, fit.values, wide, strict=True):
-        if name in whole.names and name not in begins and np.isfinite(width):
+        if name in whole.names and name not in begins:
             values[whole.names.index(name)], half[whole.names.index(name)] = value, width
     return values, half
 
