@@ -184,6 +184,8 @@ class Fleet:
     ways: tuple[Way, ...] = ()
     members: tuple[Member, ...] = ()
     """Every life that it was learned from."""
+    notes: tuple[str, ...] = ()
+    """What may surprise in how they were read."""
     asked: tuple[Asked, ...] = ()
     """Each machine, asked for by the others."""
     off: Vector = field(default_factory=lambda: np.zeros(0))
@@ -208,7 +210,7 @@ class Fleet:
                 asked.append(one)
                 off.append(float(np.log(max(whole - part.now, LEAST * whole))) - one.left)
                 ended.append(bool(np.isfinite(way.end)))
-        return cls(tuple(ways), tuple(members), tuple(asked), np.array(off), np.array(ended))
+        return cls(tuple(ways), tuple(members), (), tuple(asked), np.array(off), np.array(ended))
 
     @property
     def told(self) -> tuple[str, ...]:
@@ -225,7 +227,8 @@ class Fleet:
             f"{len(early)} of {len(ended)} like machines failed before the limit "
             f"({', '.join(early)}): an end without warning is possible",
         )
-        return (f"fleet: {len(ended)} ended, at {span}{rest}", *(sudden if early else ()))
+        read = (f"fleet: {len(ended)} ended, at {span}{rest}", *self.notes)
+        return (*read, *(sudden if early else ()))
 
     def told_of(self, way: Way) -> Told:
         """The life that remains to a machine, and how its pace differs."""
