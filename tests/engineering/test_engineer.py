@@ -14,6 +14,7 @@ from evertwin.app.cli import main
 from evertwin.engineering.engineer import engineer
 from evertwin.errors import ConfigError, DataError
 from evertwin.prognosis.laws import Life, NotEnough
+from evertwin.report.engineering_report import engineering_text
 from evertwin.twin import Twin
 
 BREAKDOWN = """schema = 1
@@ -163,6 +164,37 @@ def test_lives_and_plan_of_an_engineered_twin(machine: Path, tmp_path: Path) -> 
     with Twin.open(done.path) as twin:
         assert isinstance(twin.life().components["guide"].life, NotEnough)
         assert "guide" in twin.plan().without
+
+
+def studied(machine: Path, tmp_path: Path, *changed: tuple[str, str]) -> str:
+    text = BREAKDOWN
+    for old, new in changed:
+        assert old in text
+        text = text.replace(old, new)
+    (machine / "axis.toml").write_text(text)
+    return engineering_text(engineer(machine / "axis.toml", tmp_path / "a.toml").study)
+
+
+@pytest.mark.parametrize(
+    ("limit", "said"),
+    [
+        ("40", ""),
+        ("15", "N, beyond its limit of health 15 N: its life is over now"),
+        ("5", "N, its limit of health 5 N lies below: it wears by a fall"),
+    ],
+)
+def test_a_limit_is_held_against_what_was_found(
+    limit: str, said: str, machine: Path, tmp_path: Path
+) -> None:
+    told = studied(machine, tmp_path, ("limit = 40", f"limit = {limit}"))
+    assert ("note: guide.Fc is" in told) == bool(said) and said in told
+
+
+def test_what_is_left_is_said_where_nothing_is_tuned(machine: Path, tmp_path: Path) -> None:
+    told = studied(machine, tmp_path, ("drift = 0.5", "drift = 0"))
+    row = next(line for line in told.splitlines() if "nothing is tuned" in line)
+    assert "off, asked 5%: NOT met; say what drifts" in row
+    assert "guide.Fc is not tuned, nothing follows its limit of health 40 N" in told
 
 
 def test_what_the_breakdown_decides_is_not_said_twice(machine: Path, tmp_path: Path) -> None:

@@ -79,6 +79,33 @@ def test_wear_of_the_same_size_is_told(seed: int) -> None:
     assert first < 3400
 
 
+@pytest.mark.parametrize("seed", [6, 11])
+def test_wear_is_told_after_an_input_was_in_another_unit(seed: int) -> None:
+    rng, at = np.random.default_rng(seed), np.arange(9000)
+    slope, c0 = rng.uniform(1.0, 20.0), rng.uniform(-1.0, 3.0)
+    noise = rng.uniform(0.01, 0.04) * slope
+    mean, pace, begin, size = (
+        rng.uniform(*x) for x in ((0.2, 1.6), (0.03, 0.12), (0, 6), (0.5, 1))
+    )
+    u = mean + size * np.sin(at * pace + begin) + 0.4 * np.sin(0.031 * at)
+    y = c0 + slope * np.where(at >= 6500, 1.3, 1.0) * u + noise * rng.normal(size=9000)
+    factor, until = rng.choice([25.4, 1 / 25.4, 39.37, 1 / 39.37]), int(rng.integers(3500, 5500))
+    read = np.where((at >= 3000) & (at < until), factor * u, u)
+    whole = twin().spec
+    spec = replace(
+        whole, anomaly=replace(whole.anomaly, requirement=6 * noise),
+        indicator=(replace(whole.indicator[0], limit=1.5 * slope),),
+    )  # fmt: skip
+    model = FunctionModel(
+        lambda x, u, dt, p: (x, [p[0] + p[1] * u[0]]), Layout.of(u="m/s"), Layout.of(y="W"),
+        parameters=Parameters.of(c0=(0.8 * c0, "W"), c1=(0.95 * slope, "W s/m")),
+    )  # fmt: skip
+    with Twin(spec, model) as belt:
+        belt.run({"t": at * 0.01, "u": read, "y": y})
+        known = belt.life().components["belt"].indicator.value
+    assert known[-1] == pytest.approx(1.3 * slope, rel=0.05)
+
+
 class Log:
     """A store that is written by hand: one run."""
 

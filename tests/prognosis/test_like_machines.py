@@ -167,6 +167,23 @@ def test_a_fleet_of_another_type_is_said_and_left_out(
         assert len(left) == bool(why) and all(why in note for note in left)
 
 
+def test_the_only_column_of_another_name_is_taken_and_several_are_asked(tmp_path: Path) -> None:
+    own = grown(tmp_path / "own.csv", 110.0, 60, 0)
+    fleet = tuple(grown(tmp_path / f"{k}.csv", 100.0 + k, 115, k) for k in range(3))
+    alike = life_of_series(Series(own, 2.0, column="wear", fleet=fleet))
+    for file in fleet:
+        file.write_text(file.read_text().replace("run,wear", "run,vibration"))
+    told = life_of_series(Series(own, 2.0, column="wear", fleet=fleet))
+    note = "wear: its like machines tell vibration, their only column: the same?"
+    assert told.notes.count(note) == 1 and note not in alike.notes
+    assert told.components["wear"].sentence == alike.components["wear"].sentence
+    first, *rows = fleet[1].read_text().splitlines()
+    wider = [f"{first},temp", *(f"{row},{20 + k % 7}" for k, row in enumerate(rows))]
+    fleet[1].write_text("\n".join(wider))
+    with pytest.raises(DataError, match=r"1\.csv: expected a column 'wear'.*got vibration, temp: "):
+        life_of_series(Series(own, 2.0, column="wear", fleet=fleet))
+
+
 @pytest.mark.parametrize("head", ["s", "h", "d", "t", "date"])
 def test_a_fleet_that_counts_by_another_clock_is_refused(head: str, tmp_path: Path) -> None:
     own = grown(tmp_path / "own.csv", 110.0, 60, 0)

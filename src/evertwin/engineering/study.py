@@ -28,6 +28,7 @@ from evertwin.engineering.breakdown import Breakdown
 from evertwin.engineering.choice import Chosen, Question, choose, questions, spans_of
 from evertwin.engineering.compile import ModelPlan, compile_model
 from evertwin.engineering.criticality import Criticality, history_of, rank
+from evertwin.engineering.health import limits_against_values
 from evertwin.engineering.level import LevelChoice, level_of
 from evertwin.engineering.mapping import (
     Inside,
@@ -42,7 +43,8 @@ from evertwin.engineering.sensitivity import Morris, few, morris
 from evertwin.engineering.weights import Measured, Weighed, measure, weigh
 from evertwin.errors import ConfigError
 from evertwin.fold import plain
-from evertwin.tuning import Problem, solve
+from evertwin.tuning import Fit, Problem, solve
+from evertwin.tuning.assemble import squares
 from evertwin.types import Json
 
 
@@ -156,6 +158,8 @@ class Study:
     """None: nothing is tuned."""
     measured: Measured | None
     """What the schedule saves and costs; None: nothing is tuned, or it was not tried."""
+    reached: dict[str, float]
+    """Relative deviation of each output, moving: as tuned, or as stated where nothing is."""
     rows: int
     """Rows of the recordings."""
     seconds: float
@@ -168,8 +172,7 @@ class Study:
 
     def to_dict(self) -> dict[str, Json]:
         """Plain content, ``schema: "evertwin.engineer/1"``."""
-        needs, fit = self.breakdown.requirements, self.chosen.fit
-        reached = {} if fit is None else dict(zip(fit.outputs, fit.moving_after, strict=True))
+        needs = self.breakdown.requirements
         links = [(one.parameter, [s._asdict() for s in one.signals]) for one in self.links]
         content: Any = {
             "schema": "evertwin.engineer/1",
@@ -180,7 +183,8 @@ class Study:
             ],
             "requirements": {
                 "accuracy": needs.accuracy, "run_time": needs.run_time,
-                "interval": needs.interval, "reached": reached, "run_time_reached": self.run_time,
+                "interval": needs.interval, "reached": self.reached,
+                "run_time_reached": self.run_time,
                 "met": self.met,
             },
             "links": [{"parameter": name, "signals": signals} for name, signals in links],
@@ -214,10 +218,8 @@ class Study:
     @property
     def met(self) -> dict[str, bool]:
         """Requirement → is it met on these rows?"""
-        needs, fit = self.breakdown.requirements, self.chosen.fit
-        found = {}
-        if fit is not None:
-            found["accuracy"] = max(fit.moving_after) <= needs.accuracy
+        needs = self.breakdown.requirements
+        found = {"accuracy": max(self.reached.values()) <= needs.accuracy}
         if needs.run_time is not None and self.run_time is not None:
             found["run_time"] = self.run_time <= needs.run_time
         if self.measured is not None:
@@ -283,6 +285,7 @@ def study(
         for note in file_against_model(breakdown, part, found, channels)
     ]
     chosen = choose(problem, posed, breakdown.requirements.negligible, seed)
+    notes += limits_against_values(breakdown, chosen, problem)
     weighed, measured = None, None
     if chosen.fit is not None:
         own = replace(problem, editable=chosen.fit.names)
@@ -293,8 +296,14 @@ def study(
         breakdown, ranks, levels, found, tuple(virtual_sensors(short, parts, breakdown)),
         tuple(inside(plan, breakdown, problem)), first, tuple(notes), posed,
         morris(problem, spans_of(problem, posed), seed), chosen, weighed, measured,
-        len(problem.rows.u), time.perf_counter() - began,
+        _reached(problem, chosen.fit), len(problem.rows.u), time.perf_counter() - began,
     )  # fmt: skip
+
+
+def _reached(problem: Problem, fit: Fit | None) -> dict[str, float]:
+    """Relative deviation of each output, moving, of what is tuned; of nothing as it is stated."""
+    left = squares(problem, problem.first).relative_moving if fit is None else fit.moving_after
+    return dict(zip(problem.model.outputs.names, left, strict=True))
 
 
 def _first_fit(breakdown: Breakdown, problem: Problem, found: Sequence[Link]) -> Identified | None:

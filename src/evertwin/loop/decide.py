@@ -150,9 +150,14 @@ class Decide:
             over = held and bool(agenda.doubt) and driven(setup, decision.state.ring)
             if over:
                 clears(decision, f"over {setup.enough} rows the live version is as near as it was")
+            # what was learned before a change fits again: the change is over, and so are its rows
+            learned = self.follow.versions[state.live.version].row
+            past = held and agenda.told and learned < agenda.since
+            since = state.row - int(state.scores.seen[0]) if past else agenda.since
             decision.remember(
-                again=again, held=agenda.held or held, commissioned=agenda.commissioned or held
-            )
+                again=again, held=agenda.held or held, commissioned=agenda.commissioned or held,
+                since=since,
+            )  # fmt: skip
         if reason is not None:
             decision.remember(look=0, pace=0)
         every = state.elapsed - agenda.fitted >= setup.schedule
@@ -359,4 +364,7 @@ class Decide:
             versions = self.follow.versions
             returned(decision, self.follow.setup, versions[state.live.version], versions[old])
             decision.state = goes_live(self.follow, decision.state, old, EMPTY, state.first)
-            decision.remember(phase=WATCH, hold=state.row + self.follow.setup.holdoff)
+            past = versions[old].row < state.agenda.since
+            since = state.scores.rows if past else state.agenda.since
+            hold = state.row + self.follow.setup.holdoff
+            decision.remember(phase=WATCH, hold=hold, since=since)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from glob import glob
 from pathlib import Path
 
@@ -22,6 +22,7 @@ from evertwin.prognosis.health import indicator_of, series_of
 from evertwin.prognosis.history_file import counted_by
 from evertwin.prognosis.laws import Fleet, Indicator, Limit, Maintenance, learn
 from evertwin.prognosis.parameter_history import History, history
+from evertwin.prognosis.value_columns import value_columns
 from evertwin.sources.small_table import Table, read_table
 from evertwin.store import SqliteStore
 
@@ -86,17 +87,21 @@ def fleet_of(asked: Likes) -> Fleet | None:
     written = [(str(file), file.stat().st_mtime_ns) for file in files]
     key = repr((asked.rule, asked.limit, asked.clock, asked.failed, written, asked.own is None))
     if key not in _LEARNED:
-        lived = [_named(asked, file) for file in files]
+        lived, taken = zip(*(_named(asked, file) for file in files), strict=True)
         if asked.own is not None:
             check_units(lived, asked.own)
         while len(_LEARNED) >= FLEETS:
             _LEARNED.pop(next(iter(_LEARNED)))
-        _LEARNED[key] = learn(lived)
+        notes = (
+            f"{asked.rule.name}: its like machines tell {column}, their only column: the same?"
+            for column in dict.fromkeys(filter(None, taken))
+        )
+        _LEARNED[key] = replace(learn(lived), notes=tuple(notes))
     return _LEARNED[key]
 
 
-def _named(asked: Likes, file: Path) -> Indicator:
-    """A machine's indicator, by the name of its file."""
+def _named(asked: Likes, file: Path) -> tuple[Indicator, str]:
+    """A machine's indicator, by the name of its file, and its column where that is called else."""
     with file.open("rb") as begin:
         stored = begin.read(len(_STORE)) == _STORE
     if stored:
@@ -104,14 +109,34 @@ def _named(asked: Likes, file: Path) -> Indicator:
             kept, table = history(store, asked.clock, asked.parameters), None
     else:
         kept, table = History((), asked.clock, ()), read_table(file)
-    known = series_of(asked.rule, kept, table, file.parent, asked.parts)
+    rule = asked.rule if table is None else _rule(asked.rule, table)
+    known = series_of(rule, kept, table, file.parent, asked.parts)
     if table is not None and not known.by:
         _check_clock(table, asked.clock)
-    found = indicator_of(asked.rule, known, asked.limit, asked.clock, asked.parameters)
+    found = indicator_of(rule, known, asked.limit, asked.clock, asked.parameters)
     marks = found.maintenance
     if file in asked.failed and len(found.at) and found.failed is None:
         marks = (*marks, Maintenance(float(found.at[-1]), "failed", "by its file"))
-    return found.with_(name=file.name, maintenance=marks)
+    taken = "" if rule is asked.rule else str(rule.column)
+    return found.with_(name=file.name, maintenance=marks), taken
+
+
+def _rule(rule: IndicatorSpec, table: Table) -> IndicatorSpec:
+    """With the only column of values that a file has, where none is called as it should be.
+
+    Raises:
+        DataError: it has several.
+    """
+    there = value_columns(table)
+    wanted = [name for name in (rule.column, rule.name, rule.parameter) if name]
+    if not there or not {*wanted}.isdisjoint((*table.names, *table.text)):
+        return rule
+    if len(there) > 1:
+        raise DataError(
+            f"{table.name}: expected a column {wanted[0]!r}, as the machine asked for has, got "
+            f"{', '.join(there)}: rename the one that tells the same there"
+        )
+    return replace(rule, column=there[0])
 
 
 def _check_clock(table: Table, clock: str) -> None:

@@ -23,6 +23,8 @@ from evertwin.types import Json
 
 OTHER = 1.3
 """Pace from which a machine is said to differ from its fleet."""
+DOUBTED = 0.25
+"""Chance of another form from which it is said."""
 
 
 @dataclass(frozen=True)
@@ -99,6 +101,17 @@ class ComponentLife:
         return (
             f"{self.component} takes {pace:.2g} times as long as its like machines did for the "
             "same wear: their times are scaled to that, and the interval is wider"
+        )
+
+    @property
+    def doubted(self) -> str:
+        """That its course may be of another shape than theirs; empty where it is not."""
+        chance = self.life.other if isinstance(self.life, Life) else 0.0
+        if chance < DOUBTED:
+            return ""
+        return (
+            f"{self.component} wears by a course of another shape than its like machines, with "
+            f"probability {chance:.2g}: by so much its life is told alone"
         )
 
     @property
@@ -206,8 +219,8 @@ class Lives:
         """What may surprise in how the history was read."""
         told = (note for one in self.indicators for note in one.indicator.notes)
         likes = (note for one in self.indicators if one.fleet for note in one.fleet.told)
-        paces = (note for one in self.indicators if (note := one.pace))
-        return tuple(dict.fromkeys((*told, *likes, *paces, *self.left_out)))
+        differs = (note for one in self.indicators for note in (one.pace, one.doubted) if note)
+        return tuple(dict.fromkeys((*told, *likes, *differs, *self.left_out)))
 
     def to_dict(self) -> dict[str, Json]:
         """Plain content, ``schema: "evertwin.life/1"``."""

@@ -25,23 +25,20 @@ import numpy as np
 from evertwin.config.prognosis import IndicatorSpec, PrognosisSpec
 from evertwin.errors import DataError, UsageError, naming
 from evertwin.prognosis.another_type import of_its_type
-from evertwin.prognosis.contradictions import check_end, check_limit, is_serial
+from evertwin.prognosis.contradictions import check_end, check_limit
 from evertwin.prognosis.course import course, courses_by_law
 from evertwin.prognosis.formula import Formula
 from evertwin.prognosis.headings import (
-    COUNTS,
     clock_of,
     counting,
-    is_label,
     is_timely,
     mileage_of,
     named,
     plainly,
     seconds_of,
-    spanning,
 )
 from evertwin.prognosis.health import indicator_of, seen, today_of, unless_overdue
-from evertwin.prognosis.history_file import TIMES, counted_by, in_seconds, of_table
+from evertwin.prognosis.history_file import counted_by, in_seconds, of_table
 from evertwin.prognosis.laws import Fleet, Indicator, Life, Limit, Maintenance, predict_life
 from evertwin.prognosis.laws.alarms import alarm_of
 from evertwin.prognosis.laws.calendar import FIRST, UNITS
@@ -50,6 +47,7 @@ from evertwin.prognosis.laws.indicator import Direction
 from evertwin.prognosis.like_machines import Likes, fleet_of
 from evertwin.prognosis.lives import ComponentLife, Lives, said
 from evertwin.prognosis.steps import check_steps, shift_of
+from evertwin.prognosis.value_columns import CLOCKS, value_columns
 from evertwin.settings.quantity import written
 from evertwin.signals.units import compatible, from_si, to_si
 from evertwin.sources.names import split_unit
@@ -57,7 +55,6 @@ from evertwin.sources.small_table import Table, read_table
 from evertwin.starter.words import said_unit
 from evertwin.types import Vector
 
-CLOCKS = ("run", "cycle", "s", "h", "d")
 FEW = 5
 """Values that tell where a series begins."""
 WHOLE, LEAST = 0.2, 0.2
@@ -202,7 +199,7 @@ def wear_in(file: Path) -> Wear | None:
     """What a table tells if it tells wear: values by run, cycle or date, or seldom; else None."""
     try:
         table = read_table(file)
-        clock, columns = _clock(table), _columns(table)
+        clock, columns = _clock(table), value_columns(table)
         by = counted_by(table)
         step = np.inf
         if table.rows > 1 and by is not None and clock not in ("run", "cycle"):
@@ -292,29 +289,9 @@ def _check_share(limit: float, value: Vector, unit: str, below: bool) -> None:
         )
 
 
-def _columns(table: Table) -> tuple[str, ...]:
-    """Columns that may be values."""
-    clocks = {*CLOCKS, *TIMES, "maintenance"}
-    there = [
-        n for n in table.names
-        if not (plainly(n) in clocks and is_timely(table, n)) and n.lower() not in COUNTS
-        and not clock_of(n)
-        and not n.endswith("sigma") and n not in table.dates and not is_serial(table, n)
-        and n not in (spanning(table), mileage_of(table))
-    ]  # fmt: skip
-    told = [n for n in there if np.isfinite(table.column(n)).any()]
-    told = [n for n in told if not is_label(table, n)] or told
-    return tuple(n for n in told if not _counts(table.column(n))) or tuple(told or there)
-
-
-def _counts(value: Vector) -> bool:
-    """Whether a column only counts its rows."""
-    return len(value) > 1 and bool(np.all(np.diff(value) == 1.0))
-
-
 def _column(table: Table) -> str:
     """The only column of values."""
-    there = _columns(table)
+    there = value_columns(table)
     for name, cells in table.text.items() if not there else ():
         if 2 * sum(cell[:1] in set("+-0123456789") for cell in cells) > len(cells):
             table.column(name)  # says by which cell it holds no numbers

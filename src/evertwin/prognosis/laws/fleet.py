@@ -19,9 +19,9 @@ each of its machines is asked for by the others at `MOMENTS` of its life, and le
 those about as near to their end draw them from `BEFORE` towards what was seen. What is off there
 gives b and the quantiles, with the share of `EVEN` question of spread `STRANGE` mixed in.
 
-A fleet may wear at another pace altogether. δ is what of x is that: the mean of a shift that a
-share `SHIFTS` of fleets has, of a logarithm of standard deviation `SHIFT`, given how far the paces
-within the fleet lie apart. It counts in full, in the interval too, and is said (`Life.pace`).
+A fleet may wear at another pace altogether. δ is what of x is that, given how far the paces within
+the fleet lie apart (`evertwin.prognosis.laws.likeness`). It counts in full, in the interval too,
+and is said (`Life.pace`). Where the form may be another, that has its chance (`Told.other`).
 
 >>> ways = [Way(k * np.arange(11.0), np.arange(-10.0, 1.0), 10.0 * k) for k in (0.9, 1.0, 1.1)]
 >>> told = Fleet.of(ways).told_of(Way(2.0 * np.arange(6.0), np.arange(-10.0, -4.0), np.nan))
@@ -41,6 +41,7 @@ import numpy as np
 import scipy
 
 from evertwin.prognosis.laws.life import LEVELS
+from evertwin.prognosis.laws.likeness import SHIFT, Likeness, Pace, judged
 from evertwin.prognosis.laws.way import Way
 from evertwin.prognosis.laws.weighted import quantile_of, quantiles_of, shared
 from evertwin.types import Bools, Float64, Vector
@@ -59,11 +60,12 @@ NEAR, NEAREST = 0.7, 12
 """Distance in the logarithm of left over age at which a question counts less; so far that as many
 count."""
 EVEN, STRANGE = 1.0, 0.4
-SHIFTS, SHIFT = 0.5, 0.7
 DOUBT = 0.5
 """Share of a shift by which it may be wrong."""
 APART = 0.05
 """Least standard deviation of the logarithm of paces, and of lives."""
+INNER = 0.7
+"""Share of the spread within a fleet that counts: the chance of another form has its tails."""
 SLOWER = 2.0
 """Factor of time up to which a level is known later on a slower course."""
 FARTHEST = 2.0
@@ -101,7 +103,7 @@ class Member(NamedTuple):
 class Told(NamedTuple):
     """What a fleet tells of one machine.
 
-    >>> Told(LEVELS, 1.0).pace
+    >>> Told(LEVELS, 1.0, 0.1).pace
     1.0
     """
 
@@ -109,6 +111,8 @@ class Told(NamedTuple):
     """At `LEVELS`."""
     pace: float
     """How much slower the machine wears than its fleet, as a factor of time."""
+    other: float
+    """Chance that it wears in another form, and nothing of this holds."""
 
 
 class Asked(NamedTuple):
@@ -180,6 +184,8 @@ class Fleet:
     ways: tuple[Way, ...] = ()
     members: tuple[Member, ...] = ()
     """Every life that it was learned from."""
+    notes: tuple[str, ...] = ()
+    """What may surprise in how they were read."""
     asked: tuple[Asked, ...] = ()
     """Each machine, asked for by the others."""
     off: Vector = field(default_factory=lambda: np.zeros(0))
@@ -204,7 +210,7 @@ class Fleet:
                 asked.append(one)
                 off.append(float(np.log(max(whole - part.now, LEAST * whole))) - one.left)
                 ended.append(bool(np.isfinite(way.end)))
-        return cls(tuple(ways), tuple(members), tuple(asked), np.array(off), np.array(ended))
+        return cls(tuple(ways), tuple(members), (), tuple(asked), np.array(off), np.array(ended))
 
     @property
     def told(self) -> tuple[str, ...]:
@@ -221,23 +227,18 @@ class Fleet:
             f"{len(early)} of {len(ended)} like machines failed before the limit "
             f"({', '.join(early)}): an end without warning is possible",
         )
-        return (f"fleet: {len(ended)} ended, at {span}{rest}", *(sudden if early else ()))
+        read = (f"fleet: {len(ended)} ended, at {span}{rest}", *self.notes)
+        return (*read, *(sudden if early else ()))
 
     def told_of(self, way: Way) -> Told:
         """The life that remains to a machine, and how its pace differs."""
         one = _ask(self.ways, way)
-        asked = np.array(self.asked).reshape(-1, len(Asked._fields))
+        asked, weight = self._about(one)
         seen = asked[:, 1:4]
-        apart = np.abs(asked[:, 0] - asked[:, 4] - (one.left - one.age))
-        count = min(NEAREST, len(apart)) - 1
-        width = max(NEAR, float(np.sort(apart)[count])) if len(apart) else NEAR
-        weight = np.exp(-0.5 * (apart / width) ** 2)
-        total = float(weight.sum())
         sure = weight * self.ended
         known = float(sure.sum() / (sure.sum() + EVEN))
-        paces = float(weight @ seen[:, 0] ** 2)
-        spread = float(np.hypot(APART, np.sqrt(paces / total))) if total else SHIFT
-        shift, doubt = _shift(one.pace, spread)
+        likeness = self._likeness(way, one)
+        shift, doubt = self._pace(one).shift(likeness.shifted)
         worth = self._worth(seen, sure)
         rest = self.off - seen @ worth
         # One that still runs counts where it has outlasted most that ended from there.
@@ -249,14 +250,36 @@ class Fleet:
         middle = one.left + shift + float(worth @ now) + known * off
         below, above = (
             np.hypot(
-                known * side / 1.2816 * self._few + (1.0 - known) * STRANGE,
+                known * side * INNER / 1.2816 * self._few + (1.0 - known) * STRANGE,
                 np.hypot(doubt, DOUBT * shift),
             )
             for side in (off - low, high - off)
         )
         scores = scipy.special.ndtri(LEVELS)
         out = np.exp(middle + np.where(scores < 0.0, below, above) * scores)
-        return Told(np.asarray(out), float(np.exp(shift)))
+        return Told(np.asarray(out), float(np.exp(shift)), likeness.other)
+
+    def other(self, way: Way) -> float:
+        """Chance that a machine wears in another form than those that ended."""
+        return self._likeness(way, _ask(self.ways, way)).other
+
+    def _likeness(self, way: Way, one: Asked) -> Likeness:
+        ended = [like for like in self.ways if np.isfinite(like.end)]
+        return judged(way, ended, self._pace(one))
+
+    def _about(self, one: Asked) -> tuple[Float64[np.ndarray, "n 5"], Float64[np.ndarray, " n"]]:
+        """What each machine was asked, and how much it counts for one, by how near its end is."""
+        asked = np.array(self.asked).reshape(-1, len(Asked._fields))
+        apart = np.abs(asked[:, 0] - asked[:, 4] - (one.left - one.age))
+        count = min(NEAREST, len(apart)) - 1
+        width = max(NEAR, float(np.sort(apart)[count])) if len(apart) else NEAR
+        return asked, np.exp(-0.5 * (apart / width) ** 2)
+
+    def _pace(self, one: Asked) -> Pace:
+        asked, weight = self._about(one)
+        total = float(weight.sum())
+        square = float(weight @ asked[:, 1] ** 2)
+        return Pace(one.pace, float(np.hypot(APART, np.sqrt(square / total))) if total else SHIFT)
 
     @property
     def reach(self) -> float:
@@ -287,7 +310,7 @@ class Fleet:
     def _few(self) -> float:
         """How much wider quantiles are that few machines tell (Student), however often asked."""
         n = max(sum(bool(np.isfinite(way.end)) for way in self.ways), 2)
-        return float(scipy.special.stdtrit(n - 1, 0.9) / 1.2816 * np.sqrt(1.0 + 1.0 / n))
+        return float(scipy.special.stdtrit(n, 0.9) / 1.2816 * np.sqrt(1.0 + 1.0 / n))
 
     def _worth(
         self, seen: Float64[np.ndarray, "n 3"], weight: Float64[np.ndarray, " n"]
@@ -335,14 +358,3 @@ def _ask(ways: Sequence[Way], one: Way) -> Asked:
     age = float(np.log(age))
     lives = float(np.clip(Lives.of(ways).beyond(age) - middle, -FARTHEST, FARTHEST))
     return Asked(middle, pace, off, lives, age)
-
-
-def _shift(pace: float, spread: float) -> tuple[float, float]:
-    """Mean and standard deviation of what of a pace is a shift of the whole fleet."""
-    among = np.exp(-0.5 * (pace / spread) ** 2) / spread
-    wide = float(np.hypot(spread, SHIFT))
-    shifted = np.exp(-0.5 * (pace / wide) ** 2) / wide
-    chance = SHIFTS * shifted / (SHIFTS * shifted + (1.0 - SHIFTS) * among)
-    mean = pace * (SHIFT / wide) ** 2
-    square = (SHIFT * spread / wide) ** 2 + mean * mean
-    return float(chance * mean), float(np.sqrt(chance * square - (chance * mean) ** 2))

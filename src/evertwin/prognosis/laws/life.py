@@ -176,6 +176,8 @@ class Life:
     """Where that clock counts from 1970."""
     pace: float | None = None
     """How much slower it wears than its like machines, as a factor of time; None: told alone."""
+    other: float = 0.0
+    """Chance that it wears in another form than they do; by so much it is told alone."""
     by_age: Float64[np.ndarray, " k"] | None = None
     """What lives of its like machines last beyond its age, as long as its own growth does not stand
     out; None: it does, or told alone."""

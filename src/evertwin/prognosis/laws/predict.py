@@ -3,7 +3,8 @@
 By laws: the hypotheses are looked at (`hypotheses`), mixed to one distribution of the first passage
 (`mixture`), first roughly, then sharply where the probability lies. A life told alone waits for its
 wear to begin (`onset`) and is as wide as was measured on wear that follows none of the laws
-(`alone`). With a fleet no law is asked (`fleet`).
+(`alone`). With a fleet its levels are asked (`fleet`), and laws by the chance that this one wears
+in another form (`likeness`).
 
 >>> from evertwin.prognosis.laws.indicator import Limit
 >>> rng = np.random.default_rng(0)
@@ -40,6 +41,7 @@ from evertwin.prognosis.laws.hypotheses import LAWS, every_look, sharpened
 from evertwin.prognosis.laws.indicator import Indicator
 from evertwin.prognosis.laws.lasting import comes_and_goes, flat_since
 from evertwin.prognosis.laws.life import LEVELS, Life, NotEnough, Onset, Workload, quantiles
+from evertwin.prognosis.laws.likeness import at_some_age, by_chance
 from evertwin.prognosis.laws.mixture import COARSE, fine_nodes, mixture, never
 from evertwin.prognosis.laws.onset import SHARE, find_onset
 from evertwin.prognosis.laws.scaled import Problem, noise_of, scaled, steady
@@ -97,8 +99,11 @@ def _predicted(
     elif fleet is not None and way is not None:
         told = fleet.told_of(way)
         by_age = fleet.by_age(way) if onset is None else None
+        own, _ = alone(towards_end(even, fleet), laws, onset)
+        own_ends = own.remaining if isinstance(own, Life) else at_some_age(problem.age)
         found = Life(
-            indicator.clock, told.remaining, problem.now, pace=told.pace, by_age=by_age
+            indicator.clock, by_chance(told.remaining, own_ends, told.other), problem.now,
+            pace=told.pace, by_age=by_age, other=told.other,
         )  # fmt: skip
     else:
         found, onset = alone(even, laws, onset)
