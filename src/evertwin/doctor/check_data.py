@@ -21,7 +21,7 @@ LOST = 0.05
 SOON = 20
 """Rows behind a run of near values that tell whether the sensor lives."""
 DIGITS = 10.0
-"""Last digits of an output by which it is predicted to move, at least, where it is called frozen."""
+"""Last digits by which what is called frozen is predicted to move, at least."""
 NAMED = 3
 """Events of one signal that are named one by one."""
 

@@ -127,7 +127,9 @@ def sole(
         if len(fits) == 1:
             ((s, column),) = fits
             unit, scale, reason = unit_of(channel.unit, column, shaft=channel.name == "speed")
-            reason = f"the only one in {unit}" if scale == 1.0 else reason
+            alike = sum(c.unit == column.unit for one in seen for c in one.columns)
+            left = "the only one left" if alike > 1 else "the only one"
+            reason = f"{left} in {unit}" if scale == 1.0 else reason
             out.append(Match(channel.name, s, column.name, unit, reason, scale))
     return tuple(out)
 
