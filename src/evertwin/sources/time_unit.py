@@ -95,10 +95,7 @@ def guess(heading: str, raw: np.ndarray, stated: str = "") -> TimeGuess:
     stamps = stamps[stamps != NO_STAMP]
     if len(stamps) == 0:
         return TimeGuess("s", "no stamp to tell it by", False)
-    found = _by_size(stamps, _whole(raw))
-    decimal = raw.dtype.kind == "S" and any(b"." in cell for cell in raw.tolist())
-    # who counts milliseconds writes no decimals
-    return found._replace(unit="s") if decimal and not found.sure else found
+    return _by_size(stamps, _whole(raw))
 
 
 def told(table: Table, time: Column, raw: np.ndarray) -> TimeGuess:
