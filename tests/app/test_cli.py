@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from evertwin.app import info
@@ -163,6 +164,21 @@ def test_check_turns_findings_into_code_1(call: Command, folder: Path) -> None:
     assert call("fit", "robot.toml", "--train", "still.csv").code == 0
     assert call("fit", "robot.toml", "--train", "still.csv", "--check").code == 1
     assert call("run", "robot.toml", "--data", "robot.csv", "--check").code == 0
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("step", [30.0, -50.0])
+def test_check_tells_of_a_sensor_that_stands_apart(
+    seed: int, step: float, call: Command, folder: Path
+) -> None:
+    table, rng = columns(), np.random.default_rng(seed)
+    table["x"] += rng.normal(0.0, 2e-4, len(table["x"]))
+    save(folder / "robot.csv", table)
+    assert call("run", "robot.toml", "--data", "robot.csv", "--again", "--check").code == 0
+    table["x"][len(table["x"]) // 2 + seed :] += step
+    save(folder / "robot.csv", table)
+    done = call("run", "robot.toml", "--data", "robot.csv", "--again", "--check")
+    assert done.code == 1 and "the sensor is off, if nothing moved the machine" in done.out
 
 
 def test_a_store_belongs_to_one_process(spawn: Command, folder: Path) -> None:

@@ -55,6 +55,19 @@ def kinds(found: Diagnosis) -> list[str]:
     return [item.kind for item in found.findings]
 
 
+@pytest.mark.parametrize(
+    ("factor", "said"),
+    [(39.3701, "inches taken for metres"), (3.28084, "feet taken for metres"), (100.0, "10^-2")],
+)
+@pytest.mark.parametrize("channel", ["x", "v"])
+def test_a_unit_of_length_is_named(factor: float, said: str, channel: str) -> None:
+    rows = drive(gain=1.0)
+    rows[channel] = rows[channel] * factor
+    (finding,) = Twin(SPEC).doctor(rows).of_kind("unit")
+    hypotheses = finding.evidence["hypotheses"]
+    assert [channel] in [list(one["channels"]) for one in hypotheses] and said in finding.reason
+
+
 def test_a_sound_twin_has_no_findings() -> None:
     found = Twin(SPEC).doctor(drive())
     assert found.findings == ()

@@ -70,6 +70,27 @@ def test_a_frozen_sensor_is_named(seed: int, dither: float) -> None:
     assert oven(seed, sensor=frozen).of_kind("frozen")
 
 
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("first", [0, 900])
+def test_values_that_stay_to_the_last_digit_are_named(seed: int, first: int) -> None:
+    def frozen(rng: np.random.Generator, y: np.ndarray) -> np.ndarray:
+        return np.where(np.arange(ROWS) >= first, y[first] + 20.0, y)
+
+    found = oven(seed, sensor=frozen).of_kind("frozen")
+    assert found[0].subject == "temperature" and found[0].evidence["rows"] >= ROWS - first
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_machine_of_which_nothing_is_asked_stands(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    y = np.round(rng.normal(0.0, 0.02, ROWS) * 16) / 16
+    data = {"t": STEP * np.arange(ROWS), "heating": np.zeros(ROWS), "temperature": y}
+    with Twin(SPEC, MODEL) as twin:
+        assert not twin.doctor(data).of_kind("frozen")
+        data["temperature"] = np.full(ROWS, 5.0)
+        assert not twin.doctor(data).of_kind("frozen")
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_a_wrong_time_constant_is_no_lag(seed: int) -> None:
     assert not oven(seed, tau=400.0).of_kind("lag")

@@ -8,7 +8,7 @@ import pytest
 from evertwin import Twin, TwinSpec
 from evertwin.config.spec import AnomalySpec, ModelSpec, PredictionSpec, Span, TuningSpec
 from evertwin.fold import Block, make_block
-from evertwin.gauges.change import changed
+from evertwin.gauges.change import changed, likely, suddenly
 from evertwin.machines.mobile import Robot1D
 from evertwin.models.corrected import build
 from evertwin.models.form import Form, Term
@@ -62,3 +62,12 @@ def test_numbers_that_tell_the_same_hide_no_change() -> None:
         return Problem(model, windows, names, 5.0, prior=prior)
 
     assert abs(changed((rows,), pose) - CHANGE) <= 5
+
+
+def test_of_fewer_rows_than_two_blocks_nothing_is_told() -> None:
+    model = Robot1D()
+    for n in range(1, 20):
+        assert likely(np.r_[np.zeros((n // 2, 1)), np.ones((n - n // 2, 1))]) == 0
+        rows = make_block(t=np.arange(n) * 10**9, u=np.ones((n, 1)), y=np.zeros((n, 1)))
+        assert changed((rows,), lambda windows: Problem(model, windows)) == 0
+        assert suddenly((rows,), lambda windows: Problem(model, windows)) == ()

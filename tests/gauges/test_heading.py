@@ -76,7 +76,7 @@ def driven(folder: Path, seed: int, fault: str) -> RunResult:
 def test_a_heading_in_degrees_since_then_is_named_so(tmp_path: Path, seed: int) -> None:
     result = driven(tmp_path, seed, "degrees")
     (told,) = result.of_kind("measurement_error")
-    assert "off by a factor of 180/π (degrees for radians)" in told.reason
+    assert told.reason == "off by a factor of 180/π (degrees for radians): heading"
     assert not result.of_kind("promoted", "tuned", "measurement_restored")
 
 

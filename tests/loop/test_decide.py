@@ -255,6 +255,18 @@ def test_an_alarm_counts_where_the_deviation_grew(
     assert (done.state.detect.pending.kind == "drift") == kept
 
 
+@pytest.mark.parametrize(("every", "asks"), [(np.inf, False), (1e6, True)])
+def test_without_a_requirement_an_alarm_is_told_and_nothing_is_asked(
+    every: float, asks: bool
+) -> None:
+    """Where there is a schedule something is tuned, and an alarm is no worse a reason."""
+    bench = Bench(rows=400, anomaly=AnomalySpec(), tuning=TuningSpec(every=every))
+    alarm = Alarm("suspected", "x", "its mean moved", bench.state.row - 1)
+    detect = bench.state.detect._replace(pending=alarm)
+    done = bench.beat(bench.state._replace(detect=detect))
+    assert done.kinds == ["suspected"] and bool(done.requests) == asks
+
+
 def test_a_schedule_asks_without_suspicion() -> None:
     bench = Bench(tuning=TuningSpec(every=30.0, window=Span(120)))
     requests = [record for record in bench.log if isinstance(record, Request)]

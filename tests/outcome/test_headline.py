@@ -55,6 +55,40 @@ def test_what_went_back_is_not_called_live_where_another_was_pinned_since() -> N
     assert went_back([went, back], 2) == ()
 
 
+def test_what_went_back_by_a_trial_is_told_as_what_was_rolled_back() -> None:
+    """Three times the machine became another one, the last time in two steps."""
+    events, row = list[Event](), 0
+    for number in (1, 2, 3):
+        made = f"{number} replaces 0, e-value 9; gain 1 → 0.{number}"
+        events.append(Event(row + 10, 0, "promoted", "", made, {"version": number, "replaced": 0}))
+        row += 100
+        events.append(Event(row - 20, 0, "changed", "", "", {"row": row - 30}))
+        events.append(Event(row, 0, "promoted", "", "", {"version": 0, "replaced": number}))
+    more = {"version": 4, "replaced": 3}
+    events.insert(-2, Event(250, 0, "promoted", "", "4 replaces 3, e-value 9; gain 1 → 0.4", more))
+    events[-1] = Event(300, 0, "promoted", "", "", {"version": 0, "replaced": 4})
+    (said,) = went_back(events, 0)
+    assert said.startswith("Versions 3, 4 (gain 1 → 0.4) were live from row 210 to 300; from row 2")
+    assert said.endswith("70 on the machine is again as at version 0, as after a repair.")
+    assert went_back(events[:-1], 4) == () == went_back(events, 4)
+    with Twin(ROBOT) as twin:
+        told = [Event(5, 0, "suspected", "x", "x is off", {}), *events]
+        text = headline(twin.setup, figures(0.004, 0.004), (twin.champion,), told, None)
+        later = [*told, Event(350, 0, "suspected", "x", "x is off", {})]
+        again = headline(twin.setup, figures(0.004, 0.004), (twin.champion,), later, None)
+    assert text.startswith("The twin fits its machine again: x is off by 4 mm")
+    assert "Versions 3, 4" in text and "suspected" not in text
+    assert "suspected 1 time" in again and "Versions 3, 4" in again
+
+
+def test_what_is_named_for_no_channel_is_no_name() -> None:
+    outside = Event(5, 0, "abnormal", "", "outside what it has seen", {"number": 1.0})
+    level = Event(9, 0, "abnormal", "x", "x looks off by 3 mm", {"number": 1.0})
+    with Twin(ROBOT) as twin:
+        told = headline(twin.setup, figures(0.004, 0.004), (twin.champion,), [outside, level], None)
+    assert "x looks off by 3 mm" in told and "was named" not in told
+
+
 def test_better_is_said_in_millimetres_with_what_was_changed() -> None:
     text = said(ROBOT, 0.029, 0.004, "suspected", "promoted", version=1)
     assert text.startswith("The twin fits its machine now: x is off by 4 mm instead of 29 mm")

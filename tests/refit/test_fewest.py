@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -74,3 +75,18 @@ def test_of_six_joints_the_one_that_changed_moves() -> None:
         problem = Problem(joints, (rows,))
         _, fit = fewest(setup, problem, solve(problem), tuned)
         assert "c2" in fit.names and abs(fit["c2"] - 4.0) < 0.1
+
+
+def test_numbers_of_which_none_explains_anything_alone_move_together() -> None:
+    """Each alone ends farther off than it began, as a fit that trusts few rows may."""
+    rng = np.random.default_rng(0)
+    u = np.c_[rng.uniform(8.0, 22.0, ROWS), rng.uniform(0.3, 1.0, ROWS), rng.uniform(5, 30, ROWS)]
+    p = COOLER.parameters.with_values({"k0": 0.15, "k1": 0.11}).values
+    _, y = COOLER.simulate(np.zeros(0), u, np.ones(ROWS), p)
+    problem = Problem(COOLER, (make_block(t=np.arange(ROWS), u=u, y=y),))
+    whole = solve(problem)
+
+    def away(posed: Problem) -> tuple[Problem, Fit, dict[str, Any]]:
+        return posed, replace(solve(posed), values=posed.start + 1.0), {}
+
+    assert fewest(SETUP, problem, whole, away) == (problem, whole)

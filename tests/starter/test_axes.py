@@ -201,3 +201,14 @@ def test_a_speed_that_no_slide_has_is_of_a_shaft(
     text = proposed(path, "drive_force", capsys)[0].read_text()
     assert f'column = "speed", unit = "{unit}"' in text
     assert ("rotary = true" in text) is rotary
+
+
+@pytest.mark.parametrize("kind", ["drive", "drive_force"])
+@pytest.mark.parametrize("heading", ["motor_current_A", "motor_force_N", "Motorstrom [A]"])
+def test_what_a_motor_draws_drives_the_axis(
+    kind: str, heading: str, written: Written, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = written({heading: FORCE, "position_m": PLACE, "speed_m_s": SPEED})
+    out, _ = proposed(path, kind, capsys)
+    name = heading.partition(" [")[0]
+    assert re.search(rf'^force = {{ column = "{name}', out.read_text(), re.MULTILINE)

@@ -35,6 +35,9 @@ HEATED = {
         "thermal box=Badtemperatur room=Umgebungstemperatur heater=Heizung",
     "t,T_set_C,T_room_F,T_vessel_F,heating_kW":
         "thermal box=T_vessel_F room=T_room_F heater=heating_kW ?",
+    "t,heater,outdoor_degC,room_degC": "thermal box=room_degC room=outdoor_degC heater=heater",
+    "t,T_outside_C,room_temp_C,heater_pct":
+        "thermal box=room_temp_C room=T_outside_C heater=heater_pct",
     "t,T_top_C,T_bottom_C,T_amb_C,heater_pct": "thermal box=? room=T_amb_C heater=heater_pct ?",
 }  # fmt: skip
 DRIVEN = {

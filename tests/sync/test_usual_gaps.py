@@ -47,6 +47,18 @@ def test_holes_in_regular_samples_are_gaps(seed: int, period: float, rate: float
     assert gaps(t, rate and rate / period) == t[np.sort(where)].tolist()
 
 
+@pytest.mark.parametrize("rate", [None, 2.0])
+def test_where_stamps_are_counted_from_does_not_matter(rate: float | None) -> None:
+    """A recording that a trigger ends begins before zero, and may cross it."""
+    steps = np.full(400, 0.5)
+    steps[[100, 300]] = 30.0, 300.0
+    t = stamps(steps)
+    opened = gaps(t, rate)
+    for start in (-(10**5), -600, -200, -1):
+        moved = t + start * SECOND
+        assert gaps(moved, rate) == [one + start * SECOND for one in opened]
+
+
 @pytest.mark.parametrize("seed", SEEDS)
 def test_jitter_single_losses_and_a_slower_pace_are_none(seed: int) -> None:
     rng = np.random.default_rng(seed)

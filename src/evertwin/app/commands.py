@@ -21,7 +21,6 @@ from evertwin.types import Json
 Files = Sequence[Path] | None
 FINDINGS = (
     "measurement_error", "abnormal", "drift", "rolled_back", "not_identifiable", "external",
-    "not_judged",
 )  # fmt: skip
 
 
@@ -45,7 +44,8 @@ def run_twin(
                 f"[anomaly] requirement, such as '1 {unit}' or 0.05 of the rms",
                 err=True,
             )
-    if check and (result.of_kind(*FINDINGS) or any(one.finding for one in result.left_out)):
+    odd = result.of_kind(*FINDINGS) or result.faults
+    if check and (odd or any(one.finding for one in result.left_out)):
         raise typer.Exit(1)
 
 

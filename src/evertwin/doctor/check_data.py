@@ -9,9 +9,10 @@ import numpy as np
 
 from evertwin.doctor.examination import View
 from evertwin.doctor.finding import Finding
-from evertwin.fold import Event, Mark
+from evertwin.fold import Block, Event, Mark, take
 from evertwin.gauges.unlike import changes
 from evertwin.signals import wrap
+from evertwin.signals.spoken import spoken
 from evertwin.sources.tally import Tally
 from evertwin.sync.horizon import residuals
 
@@ -19,6 +20,8 @@ LOST = 0.05
 """Share of an output's samples that may go unused."""
 SOON = 20
 """Rows behind a run of near values that tell whether the sensor lives."""
+DIGITS = 10.0
+"""Last digits by which what is called frozen is predicted to move, at least."""
 NAMED = 3
 """Events of one signal that are named one by one."""
 
@@ -41,6 +44,7 @@ def look_data(view: View) -> Iterator[Finding]:
         yield from _sound(tally)
     yield from _not_finite(view)
     yield from _frozen_inputs(view)
+    yield from _frozen_outputs(view)
     yield from _faults(view)
     if view.failed:
         yield Finding(
@@ -113,6 +117,58 @@ def _frozen_inputs(view: View) -> Iterator[Finding]:
                     "leave this stretch out ([clock] start, stop) or repair the sensor",
                     {"rows": run},
                 )  # fmt: skip
+
+
+def _frozen_outputs(view: View) -> Iterator[Finding]:
+    """An output of a model with states that stays what it is, to the last digit, while the inputs
+    are predicted to move it: by far more than its digits, or than is asked where it has none."""
+    if view.setup.static:
+        return
+    for k, channel in enumerate(view.model.outputs):
+        pieces = [_alike(window, k) for window in view.windows]
+        piece, count = max(pieces, key=lambda one: one[1])
+        known = [window.y[np.isfinite(window.y[:, k]), k] for window in view.windows]
+        if count < max(SOON, LOST * sum(map(len, known))):
+            continue
+        steps = np.abs(np.concatenate([np.diff(one) for one in known]))
+        digit = float(np.min(steps, where=steps > 0.0, initial=np.inf))
+        asked = 0.0 if view.setup.relative or not view.setup.decides else view.setup.requirement
+        moved = _driven(view, take(piece, 0, min(len(piece.t), view.most)), k)
+        if moved > (DIGITS * digit if np.isfinite(digit) else asked):
+            last = piece.row + len(piece.t) - 1
+            yield Finding(
+                "frozen", channel.name,
+                f"{channel.name} stays the same, to the last digit, in {count} samples, while what "
+                f"the inputs do is predicted to move it by {spoken(moved, channel.unit)} (rms)",
+                f"rows {piece.row} to {last}",
+                "its sensor does not answer, or the machine was held: repair the sensor, or leave "
+                "this stretch out ([clock] start, stop)", {"rows": count, "moved": moved},
+            )  # fmt: skip
+
+
+def _alike(window: Block, k: int) -> tuple[Block, int]:
+    """The longest stretch in which output ``k`` stays the same, without a gap, and its samples."""
+    known = np.flatnonzero(np.isfinite(window.y[:, k]))
+    if not len(known):
+        return take(window, 0, 0), 0
+    parts = np.cumsum(window.gap)[known]  # a gap begins a stretch of its own
+    begins = np.flatnonzero((np.diff(window.y[known, k]) != 0.0) | (np.diff(parts) != 0)) + 1
+    edges = np.concatenate([[0], begins, [len(known)]])
+    at = int(np.argmax(np.diff(edges)))
+    count = int(edges[at + 1] - edges[at])
+    return take(window, int(known[edges[at]]), int(known[edges[at + 1] - 1]) + 1), count
+
+
+def _driven(view: View, piece: Block, k: int) -> float:
+    """Rms by which output ``k`` is predicted to move because the inputs do not stay what they
+    are."""
+    model, p = view.model, view.version.p
+    x0 = model.observe(model.initial(p), piece.y[0])
+    held = np.broadcast_to(piece.u[:1], piece.u.shape).copy()
+    moved, still = (model.simulate(x0, u, piece.dt, p)[1][:, k] for u in (piece.u, held))
+    gone = wrap((moved - still)[:, None], model.outputs.angles[k : k + 1])[:, 0]
+    gone = gone[np.isfinite(gone)]
+    return float(np.sqrt(np.mean(np.square(gone)))) if len(gone) else 0.0
 
 
 def _longest_run(values: np.ndarray) -> tuple[int, int]:

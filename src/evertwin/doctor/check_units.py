@@ -33,30 +33,13 @@ from evertwin.models.function import kernel_of
 from evertwin.rows.channels import recorded_as, unit_recorded
 from evertwin.signals import Layout
 from evertwin.signals.delay import Lag
-from evertwin.signals.units import compatible
+from evertwin.signals.mistaken import SIGN, numbers
 from evertwin.sync.horizon import restarts, trusted
 from evertwin.sync.lag import SharedLag, shared_lag
 from evertwin.types import ParameterVector, Vector
 
-_ANGLES, _LENGTHS = ("rad", "rad/s", "rad/s^2"), ("m", "m/s", "m/s^2")
-_RATES = ("m/s", "rad/s", "m^3/s", "kg/s", "1/s", "s")
-FACTORS: tuple[tuple[float, str, tuple[str, ...]], ...] = (
-    (-1.0, "-1 (the sign is reversed)", ()),
-    (math.pi / 30, "pi/30 (rpm taken for rad/s)", ("rad/s",)),
-    (30 / math.pi, "30/pi (rad/s taken for rpm)", ("rad/s",)),
-    (9.80665, "9.807 (kilograms taken for newtons)", ("N",)),
-    (1 / 9.80665, "1/9.807 (newtons taken for kilograms)", ("N",)),
-    (math.pi / 180, "pi/180 (degrees taken for radians)", _ANGLES),
-    (180 / math.pi, "180/pi (radians taken for degrees)", _ANGLES),
-    (25.4, "25.4 (inches taken for millimetres)", _LENGTHS),
-    (1 / 25.4, "1/25.4 (millimetres taken for inches)", _LENGTHS),
-    (60.0, "60 (per second and per minute)", _RATES),
-    (1 / 60, "1/60 (per second and per minute)", _RATES),
-    (3.6, "3.6 (m/s and km/h)", ("m/s",)), (1 / 3.6, "1/3.6 (m/s and km/h)", ("m/s",)),
-    *((10.0**n, f"10^{n}", ()) for n in (1, -1, 2, -2, 3, -3, 6, -6)),
-)  # fmt: skip
-"""What a recording has to be multiplied by, what that stands for, and the quantities that it may be
-of; none: of any."""
+MILLION = 1e6
+"""The one decimal prefix that `evertwin.signals.mistaken` does not try."""
 WRONG, BETTER = 0.6, 0.5
 """Mismatch from which units are doubted, and the share of it that a factor must remove."""
 MOST = 0.9
@@ -79,11 +62,19 @@ class _Suspect:
     u: tuple[int, ...]
     y: tuple[int, ...]
 
-    def may_be(self, recorded: str, units: tuple[str, ...]) -> bool:
-        """May it be off by a factor of these? Of a number without a unit nobody knows."""
-        if not units or (self.unit == "1" and recorded in ("", "1")):
-            return True
-        return any(compatible(self.unit, unit) for unit in units)
+    def factors(self, recorded: str) -> Iterator[tuple[float, str]]:
+        """What a recording, said to be in ``recorded``, may have to be multiplied by, and what that
+        stands for."""
+        for number, told in numbers(self.unit, recorded):
+            if number == SIGN:
+                yield SIGN, "-1 (the sign is reversed)"
+            elif told == "a decimal prefix":
+                yield 1.0 / number, f"10^{-round(math.log10(number))}"
+            else:
+                said = f"{1.0 / number:.6g}" if number < 1.0 else f"1/{number:g}"
+                yield 1.0 / number, f"{said} ({told.replace(' for ', ' taken for ')})"
+        yield MILLION, "10^6"
+        yield 1.0 / MILLION, "10^-6"
 
 
 _Factor: TypeAlias = tuple[_Suspect, float]
@@ -278,9 +269,7 @@ def _best(
         if suspect.y and not wrong[list(suspect.y)].all():
             continue
         recorded = unit_recorded(view.setup.spec, suspect.names[0])
-        for factor, said, units in FACTORS:
-            if not suspect.may_be(recorded, units):
-                continue
+        for factor, said in suspect.factors(recorded):
             by = (*applied, (suspect, factor))
             q = _numbers(view, partial(_scaled, by=by)) if factor < 0 else p
             scaled = changed(view, q, _scaled(window, by))

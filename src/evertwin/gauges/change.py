@@ -53,7 +53,8 @@ def split(windows: Windows, place: int) -> tuple[Windows, Windows]:
 
 
 def likely(residual: Outputs) -> int:
-    """Position from which on the residual is larger, the likeliest; 0: none is likely.
+    """Position from which on the residual is larger, the likeliest; 0: none is likely,
+    or there are fewer rows than two blocks.
 
     >>> noise = np.random.default_rng(0).normal(size=(480, 1))
     >>> likely(noise), likely(np.concatenate([noise[:360], 3 * noise[360:]]))
@@ -61,6 +62,8 @@ def likely(residual: Outputs) -> int:
     """
     size = max(len(residual) // BLOCKS, ROWS)
     m = len(residual) // size
+    if m < 2:
+        return 0
     squares = np.square(residual[len(residual) - m * size :]).reshape(m, size, -1)
     rows = np.count_nonzero(np.isfinite(squares), axis=1)
     sums = np.nansum(squares, axis=1)
@@ -71,8 +74,8 @@ def likely(residual: Outputs) -> int:
         high = np.log((total - left) / (n - count))
         gain = (n * whole - count * low - (n - count) * high) / (2 * size)
     gain = np.where((high > low) & np.isfinite(gain), gain, 0.0).sum(axis=1)
-    best = int(np.argmax(gain)) if len(gain) else 0
-    return len(residual) - (m - best - 1) * size if len(gain) and gain[best] > CLEAR else 0
+    best = int(np.argmax(gain))
+    return len(residual) - (m - best - 1) * size if gain[best] > CLEAR else 0
 
 
 @unmeasured()

@@ -176,7 +176,7 @@ class Decide:
             decision.say(alarm.kind, alarm.signal, alarm.reason, alarm.evidence)
         if reason is not None:
             decision.remember(told=bool(reason))
-        reason = reason or alarm.reason
+        reason = reason or (alarm.reason if setup.decides else "")  # told of, and no more
         if (reason or due) and free:
             trial = decision.state.agenda.phase == TRIAL
             again = 0 if trial else again or (state.row if reason and not last else 0)

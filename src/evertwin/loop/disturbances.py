@@ -76,8 +76,8 @@ def disturbed(decision: Decision, setup: Setup, versions: Versions) -> bool:
                 decision.say("abnormal", sensor.channel, sensor.said, {"number": sensor.number})
     if told.blind:
         said = (
-            "what pushes what stands cannot be told: the model has no friction for it, or is off "
-            "by more than that"
+            "what pushes what stands cannot be told: no friction of it is known, or the model is "
+            "off at rest by more than that"
         )
         decision.say("not_judged", "", said, {})
     return on

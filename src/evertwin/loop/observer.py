@@ -16,13 +16,14 @@ from evertwin.loop.follow import Followed
 from evertwin.loop.in_stream import as_is
 from evertwin.models import Parameters
 from evertwin.models.form import Version
-from evertwin.outcome.headline import also_pinned, failed_first, headline
+from evertwin.outcome.headline import also_pinned, failed_first, headline, wrong
 from evertwin.outcome.jumps import usual_most
 from evertwin.outcome.lives import lives
 from evertwin.outcome.open_trial import open_trial
 from evertwin.outcome.result import OutputFigures, RunResult
 from evertwin.outcome.spells import spell
 from evertwin.outcome.trace import Tail, Trace
+from evertwin.outcome.unjudged import unjudged
 from evertwin.setup.deviation import deviation, judged_deviation
 from evertwin.setup.setup import Setup
 from evertwin.setup.twin_state import TwinState
@@ -188,9 +189,8 @@ class Observer:
             trace["moving"] = self.setup.moving(trace["input"])
             measured = int(np.isfinite(trace["measured"]).any(axis=1).sum())
         failed = state.live.track.failed(self.events)
-        said = failed_first(
-            headline(driver.setup, outputs, told, self.events, trial, measured), failed
-        )
+        said = headline(driver.setup, outputs, told, self.events, trial, measured)
+        said = failed_first(" ".join(filter(None, (unjudged(driver.setup, trace), said))), failed)
         pinned = state.agenda.pinned
         return RunResult(
             name=self.setup.spec.name, samples=state.row, seconds=seconds,
@@ -203,6 +203,7 @@ class Observer:
             trace=trace, rounds=tuple(self.rounds),
             trial=trial,
             headline=also_pinned(said, champion.number, pinned=pinned), pinned=pinned,
+            faults=wrong(driver.setup, outputs, self.events),
             relative=self.setup.relative or not self.setup.decides, failed=failed,
         )  # fmt: skip
 

@@ -18,7 +18,7 @@ from evertwin.models.failures import Failed
 from evertwin.models.form import Version
 from evertwin.outcome.changes import changes
 from evertwin.outcome.jumps import forgotten, jumps
-from evertwin.outcome.lives import went_back
+from evertwin.outcome.lives import returned, went_back
 from evertwin.outcome.nothing_better import CLEAR, nothing_better, of_a_sensor, two_clocks
 from evertwin.outcome.open_faults import open_faults
 from evertwin.outcome.open_trial import OpenTrial, shorter
@@ -52,23 +52,8 @@ def headline(
     before it, the newest first; ``measured``: rows that measure an output."""
     champion = versions[0]
     known = {name: f for name, f in outputs.items() if not math.isnan(f.rms_after)}
-    told_in = zip(setup.model.outputs.units, setup.recorded, strict=True)
-    units = dict(zip(setup.model.outputs.names, told_in, strict=True))
-    doubted = of_a_sensor(events)
-    asked = 0.0 if setup.relative or not setup.decides else setup.requirement
-    least = {
-        name: max(asked, ROUGH * f.rms_after, f.most if f.most > 0.0 else 0.0)
-        for name, f in known.items()
-    }
-    # of a channel that is read wrongly, the others step away from the model as well
-    late = two_clocks(setup, events) and not setup.spec.correction.terms
-    quiet = setup.static or doubted or late
-    stepped = {} if quiet else jumps(events, units, least)
-    if stepped:  # simulated only where it matters
-        gone = forgotten(setup.model, setup.model.parameters.values, setup.horizon)
-        stepped = jumps(events, units, least, gone)
-    refused = open_faults(events)
-    faults = {**stepped, **refused}
+    doubted, refused = of_a_sensor(events), open_faults(events)
+    faults = wrong(setup, outputs, events)
     if known:
         outcome = _outcome(setup, known, versions, events, trial, measured)
         if refused.keys() & {one.group for one in setup.model.outputs}:
@@ -103,6 +88,28 @@ def headline(
         )
     told += map(_sentence, own[-1:])
     return " ".join(told)
+
+
+def wrong(
+    setup: Setup, outputs: Mapping[str, OutputFigures], events: Sequence[Event]
+) -> Mapping[str, str]:
+    """Signals that stepped away from the model and did not come back, or whose measurement is in
+    error, each with the sentence about it."""
+    told_in = zip(setup.model.outputs.units, setup.recorded, strict=True)
+    units = dict(zip(setup.model.outputs.names, told_in, strict=True))
+    asked = 0.0 if setup.relative or not setup.decides else setup.requirement
+    least = {
+        name: max(asked, ROUGH * f.rms_after, f.most if f.most > 0.0 else 0.0)
+        for name, f in outputs.items() if not math.isnan(f.rms_after)
+    }  # fmt: skip
+    # of a channel that is read wrongly, the others step away from the model as well
+    late = two_clocks(setup, events) and not setup.spec.correction.terms
+    quiet = setup.static or of_a_sensor(events) or late
+    stepped = {} if quiet else jumps(events, units, least)
+    if stepped:  # simulated only where it matters
+        gone = forgotten(setup.model, setup.model.parameters.values, setup.horizon)
+        stepped = jumps(events, units, least, gone)
+    return {**stepped, **open_faults(events)}
 
 
 def also_pinned(told: str, version: int, *, pinned: bool) -> str:
@@ -236,7 +243,8 @@ def _outcome(
     if math.isfinite(setup.requirement) and all(math.isnan(f.judged) for f in known.values()):
         lead = lead.replace(" while it moves", " at rest")
         return f"Nothing moved, so whether the twin fits cannot be told: {now}{lead}."
-    named = max((e.row for e in events if e.kind in ("state", "rolled_back")), default=-1)
+    known_again = [one.row for one in (returned(events),) if one]
+    named = max([*known_again, *(e.row for e in events if e.kind == "state")], default=-1)
     kinds = ("suspected", "drift", "abnormal")
     doubts = [e for e in events if e.kind in kinds and e.row > named]
     if not doubts:

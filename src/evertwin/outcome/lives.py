@@ -7,6 +7,9 @@ from typing import Any
 
 from evertwin.fold import Event
 
+SWITCHES = ("promoted", "rolled_back")
+"""Kinds of event after which another version is live."""
+
 
 def lives(events: Sequence[Event]) -> list[int]:
     """Numbers of the versions that were live, without those that were taken back.
@@ -19,7 +22,7 @@ def lives(events: Sequence[Event]) -> list[int]:
     found = list[int]()
     for event in events:
         known: Any = event.evidence
-        if event.kind not in ("promoted", "rolled_back") or "version" not in known:
+        if event.kind not in SWITCHES or "version" not in known:
             continue
         number = known["version"]
         if not found and known.get("replaced") is not None:
@@ -33,26 +36,44 @@ def went_back(events: Sequence[Event], live: int) -> tuple[str, ...]:
     """Of an earlier version that went live again last: what was live before it, and from when to
     when; nothing: none did, or another one is ``live`` now.
 
-    >>> went = Event(9, 0, "promoted", "", "2 replaces 1, e-value 9; c 1 → 2", {"version": 2})
+    >>> went = Event(9, 0, "promoted", "", "2 replaces 1, e-value 9; c 1 → 2",
+    ...              {"version": 2, "replaced": 1})
     >>> back = Event(19, 0, "rolled_back", "", "", {"version": 1, "since": 12})
     >>> print(went_back([went, back], 1)[0].replace("; ", "\\n"))
     Version 2 (c 1 → 2) was live from row 9 to 19
     from row 12 on the machine is again as at version 1, as after a repair.
     """
-    switches = [e for e in events if e.kind in ("promoted", "rolled_back")]
-    if not switches or switches[-1].kind != "rolled_back":
+    back = returned(events)
+    if back is None or back.evidence["version"] != live:
         return ()
-    back: Any = switches[-1].evidence
-    if back["version"] != live:
+    away = list[Event]()
+    for event in reversed(events[: events.index(back)]):
+        if event.kind == "promoted" and "version" in event.evidence:
+            away.append(event)
+        if event.kind in SWITCHES and event.evidence.get("replaced") == live:
+            break
+    if not away:
         return ()
-    went = [e for e in switches if e.kind == "promoted" and e.evidence.get("version") is not None]
-    if not went:
-        return ()
-    number, made = went[-1].evidence["version"], went[-1].reason.partition(", e-value")[2]
-    made = made.partition("; ")[2]
-    which = f"Version {number}{f' ({made})' if made else ''}"
-    said = f"{which} was live from row {went[-1].row} to {switches[-1].row}; "
-    if "since" not in back:
-        return (f"{said}it did worse than version {back['version']}, which is live again.",)
-    said += f"from row {back['since']} on the machine is again as at version {back['version']}"
-    return (f"{said}, as after a repair.",)
+    made = away[0].reason.partition(", e-value")[2].partition("; ")[2]
+    numbers = [str(event.evidence["version"]) for event in reversed(away)]
+    which = f"Version{'s' * (len(away) > 1)} {', '.join(numbers)}{f' ({made})' if made else ''}"
+    was = "were" if len(away) > 1 else "was"
+    said = f"{which} {was} live from row {away[-1].row} to {back.row}; "
+    told: Any = [
+        e.evidence["row"] for e in events if e.kind == "changed" and away[0].row < e.row < back.row
+    ]
+    since = back.evidence.get("since", told[-1] if told and back.kind == "promoted" else None)
+    if since is None and back.kind == "rolled_back":
+        return (f"{said}it did worse than version {live}, which is live again.",)
+    on = f"from row {since} on " if since is not None else ""
+    return (f"{said}{on}the machine is again as at version {live}, as after a repair.",)
+
+
+def returned(events: Sequence[Event]) -> Event | None:
+    """The last switch, if it is to a version that was live before."""
+    switches = [e for e in events if e.kind in SWITCHES and "version" in e.evidence]
+    if not switches:
+        return None
+    last, keys = switches[-1], ("version", "replaced")
+    before = {e.evidence[key] for e in switches[:-1] for key in keys if key in e.evidence}
+    return last if last.kind == "rolled_back" or last.evidence["version"] in before else None

@@ -78,7 +78,7 @@ def of_a_sensor(events: Sequence[Event]) -> str:
     if not found or "number" not in found[0].evidence:
         return ""
     named = dict.fromkeys(e.signal for e in reversed(found) if "number" in e.evidence)
-    others = [signal for signal in named if signal != found[0].signal]
+    others = [signal for signal in named if signal and signal != found[0].signal]
     return found[0].reason + f"; before, {' and '.join(others)} was named" * bool(others)
 
 

@@ -133,6 +133,8 @@ class RunResult:
     """Are its dates those of a recording that names no zone?"""
     headline: str = ""
     """What came of it, as one would tell a colleague."""
+    faults: Mapping[str, str] = field(default_factory=dict)
+    """Signals whose measurement is in error at the end, or stands apart from the model, and how."""
     relative: bool = True
     """Are outputs held to a share of their size?"""
     pinned: bool = False

@@ -61,7 +61,8 @@ def fewest(setup: Setup, problem: Problem, fit: Fit, tune: Tune) -> tuple[Proble
             posed, found, _ = tune(problem.tuning((*chosen, name, *begins)))
             if found.converged and name in found.names and not found.at_bound:
                 left = off(posed, found.values)
-                tried.append((left, _moved(posed, found, name), name, posed, found))
+                if left < before:  # else it explains nothing
+                    tried.append((left, _moved(posed, found, name), name, posed, found))
         if not tried:
             break
         least = min(left for left, *_ in tried)

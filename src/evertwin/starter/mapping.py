@@ -80,6 +80,7 @@ def _other(
     lacking = _lacking(channels, matches, derived)
     taken = {(match.source, match.column) for match in matches}
     matches += sole([c for c in channels if c.name in lacking], seen, told, taken)
+    matches = _heated_room(matches)
     missing = _lacking(channels, matches, derived)
     place = _place(channels, missing)
     found = matched(place, seen)
@@ -198,6 +199,18 @@ def _one_box(matches: Sequence[Match], seen: Sequence[Seen]) -> list[Match]:
         return list(matches)
     why = f"what is heated: {', '.join(could[:4])}?"
     return [replace(m, column=ASK, reason=why) if m is box else m for m in matches]
+
+
+def _heated_room(matches: Sequence[Match]) -> list[Match]:
+    """Of a room and what is around it, the room is what is heated."""
+    mine = {match.channel: match for match in matches}
+    box, room = mine.get("box"), mine.get("room")
+    around = not (AMBIENT - {"room"}).isdisjoint(words(box.column)) if box else False
+    if box is None or room is None or not around or "room" not in words(room.column):
+        return list(matches)
+    why = f"what is heated, and {box.column} is around it: please check"
+    moved = {"box": replace(room, channel="box", reason=why), "room": replace(box, channel="room")}
+    return [moved.get(match.channel, match) for match in matches]
 
 
 def _heater(missing: Sequence[str], seen: Sequence[Seen]) -> tuple[Match, ...]:

@@ -116,18 +116,19 @@ def sole(
     """
     out: list[Match] = []
     for channel in channels:
-        mine = words(channel.name)
         fits = [
             (s, column)
             for s, one in enumerate(seen) for column in one.columns
             if (s, column.name) not in {*taken, *((m.source, m.column) for m in out)}
             and column.low != column.high and _measures(_stated(column), channel)
-            and _may_be(role(words(column.name)), channel.name in told, mine, words(column.name))
+            and _may_be(role(words(column.name)), channel.name in told, channel, words(column.name))
         ]  # fmt: skip
         if len(fits) == 1:
             ((s, column),) = fits
             unit, scale, reason = unit_of(channel.unit, column, shaft=channel.name == "speed")
-            reason = f"the only one in {unit}" if scale == 1.0 else reason
+            alike = sum(c.unit == column.unit for one in seen for c in one.columns)
+            left = "the only one left" if alike > 1 else "the only one"
+            reason = f"{left} in {unit}" if scale == 1.0 else reason
             out.append(Match(channel.name, s, column.name, unit, reason, scale))
     return tuple(out)
 
@@ -199,7 +200,7 @@ def _alike(channel: Channel, theirs: list[str], column: ColumnInfo, told: bool) 
     if mine != theirs and numbers[0][-1:] != numbers[1][-1:]:
         return 0.0
     what = role(theirs)
-    if mine != theirs and not _may_be(what, told, mine, theirs):
+    if mine != theirs and not _may_be(what, told, channel, theirs):
         return 0.0
     if what == "command":  # a base is told how fast it yaws
         theirs = ["turn" if word == "yaw" else word for word in theirs]
@@ -223,11 +224,13 @@ def _alike(channel: Channel, theirs: list[str], column: ColumnInfo, told: bool) 
     return min(0.84, 0.6 * share + 0.3 * alike + stated + says)
 
 
-def _may_be(what: str, told: bool, mine: Iterable[str], theirs: Collection[str]) -> bool:
-    """May a column of this role feed a channel that the machine is told, or answers with?"""
+def _may_be(what: str, told: bool, channel: Channel, theirs: Collection[str]) -> bool:
+    """May a column of this role feed a channel that the machine is told, or answers with? How fast
+    a wheel turns is no command of a base; what its motor draws drives the force."""
     if what == "other":
         return False
-    if told and not WHEEL.isdisjoint(theirs) and WHEEL.isdisjoint(mine):
+    wheel = WHEEL.isdisjoint(words(channel.name)) and channel.unit not in _EFFORTS
+    if told and wheel and not WHEEL.isdisjoint(theirs):
         return False
     return what != ("measured" if told else "command")
 

@@ -213,6 +213,7 @@ class Align:
         known = np.full(nc, NEVER), np.full(nc, np.nan), np.full(nc, NEVER)
         habits = np.zeros((nc, 4), dtype=np.int64)
         pace = np.zeros(pace_loop.FIRST + pace_loop.KNOWN, dtype=np.int64)
+        pace[pace_loop.TAKEN] = NEVER
         return AlignState(clock, sources, *waiting, *known, habits, pace)
 
     def step(self, state: AlignState, block: Chunk) -> tuple[AlignState, Out]:

@@ -213,11 +213,13 @@ def describe(model: Model, found: np.ndarray, detail: np.ndarray) -> Event:
     sigma = {outputs.names[j]: math.sqrt(detail[1 + ny + j]) for j in which}
     if kind == at.Finding.ERROR or kind == at.Finding.RESTORED:
         reason = _CAUSES[at.Cause(cause)]
+        odd = _farthest(delta, sigma) if len(which) > 1 else ()
         evidence["cause"] = at.Cause(cause).name.lower()
         if cause == at.Cause.FACTOR:
             evidence["factor"] = float(detail[0])
             reason = f"off by a factor of {_factor(detail[0], [outputs.units[j] for j in which])}"
         evidence["delta"] = delta
+        reason = f"{reason}: {', '.join(odd)}" if odd else reason
         if kind == at.Finding.RESTORED:
             return _event(row, time, "measurement_restored", group, f"no longer {reason}", evidence)
         return _event(row, time, "measurement_error", group, reason, evidence)
@@ -237,6 +239,17 @@ def describe(model: Model, found: np.ndarray, detail: np.ndarray) -> Event:
         return _event(row, time, "valid", group, "trusted samples are back", {"since": first})
     reason = "too many samples outside the gate: its variance was doubled"
     return _event(row, time, "gate_widened", group, reason, {"sigma": sigma})
+
+
+FAR = 0.1
+"""Share of the largest distance, in standard deviations, from which on a channel is named."""
+
+
+def _farthest(delta: Mapping[str, float], sigma: Mapping[str, float]) -> tuple[str, ...]:
+    """Channels of a group that are far from what was predicted, beside which others are near."""
+    away = {name: abs(d) / sigma[name] for name, d in delta.items() if 0.0 < sigma[name] < math.inf}
+    most = max(away.values(), default=0.0)
+    return tuple(name for name, size in away.items() if most > 0.0 and size >= FAR * most)
 
 
 def _input_event(inputs: Layout, found: np.ndarray, detail: np.ndarray) -> Event:

@@ -1,0 +1,61 @@
+"""What of a recording was not judged, because nothing was measured or an input was not known."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from evertwin.rows.channels import is_measured
+from evertwin.setup.setup import Setup
+from evertwin.types import Bools, Vector
+
+MUCH = 0.1
+"""Share of the rows from which on it is told."""
+PREDICTED = "Without a value of {}, nothing was predicted"
+JUDGED = "Without a value, nothing of {} was judged"
+LONG = 4.0
+"""Rows without a measurement, by the usual ones, from which on one is missing."""
+
+
+def unjudged(setup: Setup, trace: Mapping[str, np.ndarray]) -> str:
+    """A sentence for each part of the rows in which a channel is missing; nothing: none is.
+
+    Args:
+        setup: of the twin.
+        trace: rows of the run: ``row`` (n,), ``input`` (n, nu), ``measured`` (n, ny).
+    """
+    if not trace or not len(trace["row"]):
+        return ""
+    rows, found = trace["row"], dict[tuple[str, bytes], list[str]]()
+    whole = bool((np.diff(rows) == 1).all())
+    for k, name in enumerate(setup.model.inputs.names):
+        away = np.isnan(trace["input"][:, k])
+        found.setdefault((PREDICTED, away.tobytes()), []).append(name)
+    for k, name in enumerate(setup.model.outputs.names):
+        away = _missing(trace["measured"][:, k], whole)
+        if is_measured(setup.spec, name):
+            found.setdefault((JUDGED, away.tobytes()), []).append(name)
+    said = []
+    for (text, key), names in found.items():
+        places = np.flatnonzero(np.frombuffer(key, dtype=np.bool_))
+        if len(places) >= max(MUCH * len(rows), 1):
+            share, first, last = len(places) / len(rows), rows[places[0]], rows[places[-1]]
+            part = f"in {100 * share:.0f} % of the rows (row {first} to {last})"
+            said.append(f"{text.format(', '.join(names))} {part if share < 1.0 else 'in any row'}.")
+    return " ".join(said)
+
+
+def _missing(measured: Vector, whole: bool) -> Bools:
+    """Rows of a stretch without a measurement that is far longer than usual, (n,); ``whole``: are
+    these all rows? Of every second one, or fewer, an output may be measured at the others."""
+    away: Bools = np.isnan(measured)
+    known = np.flatnonzero(~away)
+    if not len(known):
+        return np.full(len(away), whole)
+    usual = float(np.median(np.diff(known))) if len(known) > 1 else 1.0
+    before = np.concatenate([[-1], known, [len(away)]])
+    for a, b in zip(before[:-1].tolist(), before[1:].tolist(), strict=True):
+        if b - a <= LONG * usual:
+            away[a + 1 : b] = False
+    return away

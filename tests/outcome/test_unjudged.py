@@ -1,0 +1,61 @@
+"""What was not judged is said first, and why; what is measured more seldom is not missed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from evertwin.config.spec import AnomalySpec, ModelSpec, PredictionSpec, TwinSpec
+from evertwin.outcome.result import RunResult
+from evertwin.outcome.unjudged import unjudged
+from evertwin.twin import Twin
+
+SPEC = TwinSpec(
+    "robot", ModelSpec("robot1d"), prediction=PredictionSpec(horizon=1.0),
+    anomaly=AnomalySpec(requirement=0.05, relative=False),
+)  # fmt: skip
+ROWS = 1500
+
+
+def drive(seed: int, lost: str = "", first: int = 0, stop: int = ROWS, every: int = 1) -> RunResult:
+    """Without a value of the channel ``lost`` from row ``first`` to ``stop``; x is measured at
+    ``every`` so many rows."""
+    rng = np.random.default_rng(seed)
+    v = np.repeat(rng.uniform(-0.2, 0.2, ROWS // 30), 30)
+    x = np.r_[0.0, np.cumsum(0.1 * v)[:-1]] + rng.normal(0.0, 0.001, ROWS)
+    x[np.arange(ROWS) % every != 0] = np.nan
+    rows = {"t": 0.1 * np.arange(ROWS), "v": v, "x": x}
+    if lost:
+        rows[lost][first:stop] = np.nan
+    with Twin(SPEC) as twin:
+        return twin.run(rows)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_has_no_value_is_said_first(seed: int) -> None:
+    half = drive(seed, "x", 750).headline
+    assert half.startswith(
+        "Without a value, nothing of x was judged in 50 % of the rows (row 750 to 1499). The twin "
+    )
+    command = drive(seed, "v", 300, 600).headline
+    assert command.startswith("Without a value of v, nothing was predicted in 20 % of the rows")
+    none = drive(seed, "x").headline
+    assert none.startswith("Without a value, nothing of x was judged in any row. Nothing was")
+
+
+@pytest.mark.parametrize("every", [1, 2, 7, 40])
+def test_what_is_measured_more_seldom_is_not_missed(every: int) -> None:
+    assert drive(0, every=every).headline.startswith("The twin fits its machine")
+    assert drive(0, "x", 0, 100, every).headline.startswith("The twin fits its machine")
+    assert (
+        "Without a value, nothing of x was judged in 2" in drive(0, "x", 600, 910, every).headline
+    )
+
+
+def test_rows_that_were_left_out_of_the_trace_are_not_missed() -> None:
+    """Of every second row, an output that is measured at the others is never there."""
+    with Twin(SPEC) as twin:
+        rows, no = np.arange(0, 200, 2), np.full((100, 1), np.nan)
+        trace = {"row": rows, "input": np.zeros((100, 1)), "measured": no}
+        assert unjudged(twin.setup, trace) == "" == unjudged(twin.setup, {})
+        assert "any row" in unjudged(twin.setup, {**trace, "row": np.arange(100)})
