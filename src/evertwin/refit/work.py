@@ -112,7 +112,7 @@ class Work(Tuner):
                 content["against"] = against(content)
             if task.rival is not None and not (content.get("candidate") or {}).get("brief"):
                 content = self._surpassing(task, task.rival, content)
-            if task.kind == "fit" and task.doubt[0]:
+            if task.kind == "fit" and task.doubt.channel:
                 content["cleared"] = self._cleared(task)
         except TooFew as error:
             # not a verdict on anything: more rows come
@@ -123,10 +123,10 @@ class Work(Tuner):
 
     def _cleared(self, task: Task) -> str:
         """The channel in doubt, if the newest rows tell that it is read rightly."""
-        names, count = self.editable(task.version), sum(len(one.t) for one in task.windows)
-        rows = split(task.windows, max(count - self.setup.enough, 0))[1]
-        pose = partial(self.problem, task.version, names=names)
-        return task.doubt[0] if refuted(self.setup, pose, rows, task.doubt) else ""
+        later = after(task.windows, task.doubt.row)
+        rows = split(later, max(sum(len(one.t) for one in later) - self.setup.enough, 0))[1]
+        pose = partial(self.problem, task.version, names=self.editable(task.version))
+        return task.doubt.channel if refuted(self.setup, pose, rows, task.doubt) else ""
 
     def _refuse(self, task: Task, content: dict[str, Any]) -> None:
         """A candidate that is not physical on its rows is none, and an event says why."""
