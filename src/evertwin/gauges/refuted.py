@@ -30,24 +30,30 @@ HALF = 0.5
 """Share of the squared deviation that a constant, or a share, leaves at most if it is there."""
 ROUNDS = 2
 """Steps to a constant."""
+MOVES = 0.3
+"""How far what stayed goes, at least [of how far it went before]."""
+SHORT = 3
+"""Rows of a prediction, at least."""
 SCALED = (False, True)
 """A constant, and a share."""
 
 
 @unmeasured()
 def refuted(
-    setup: Setup, pose: Callable[[Windows], Problem], windows: Windows, doubt: Doubt
-) -> bool:
-    """Would every reading of a channel by such a number leave clearly more than none does; or does
-    no constant explain what is off?
+    setup: Setup, pose: Callable[[Windows], Problem], windows: Windows, doubt: Doubt,
+    earlier: Windows = (),
+) -> bool:  # fmt: skip
+    """Would every reading of a channel by such a number leave clearly more than none does; does no
+    constant explain what is off; or does what stayed where it was move as it did?
 
     Args:
         setup: of the twin.
         pose: the version as it is, on some rows.
         windows: rows that came after it was said.
         doubt: channel, and recorded over what fits.
+        earlier: rows before: how the channel moved.
     """
-    if not windows or doubt.number == 0.0:
+    if not windows:
         return False
     (name, number, _), model, whole = doubt, setup.model, pose(windows)
     before = unchanged(whole)
@@ -58,6 +64,9 @@ def refuted(
     angle = turned(setup, [Numbered(whole.model, whole.full(whole.start))], windows)
     if angle and (angle.channel, angle.number) == (name, number):
         return False
+    k = [c.name for c in (*model.inputs, *model.outputs)].index(name)
+    if number == 0.0:
+        return _moves(setup, windows, k) >= MOVES * _moves(setup, earlier, k) > 0.0
     shares = list[float]()
     for one in possible(setup, model):
         if name not in one.channels or not np.isclose(one.number, number, rtol=1e-3):
@@ -68,8 +77,22 @@ def refuted(
         shares.append(_share(before, left))
     if number != 1.0:
         return bool(shares) and min(shares) > CLEARLY
-    k = [c.name for c in (*model.inputs, *model.outputs)].index(name)
     return min(*shares, *(_constant(pose, windows, k, nu, scaled=s) for s in SCALED)) > HALF
+
+
+def _moves(setup: Setup, windows: Windows, k: int) -> float:
+    """How far a channel usually goes within a prediction, from a model with states; an input, which
+    may be held for longer, within all rows."""
+    nu = len(setup.model.inputs)
+    spans = list[float]()
+    for window in windows:
+        values = window.u[:, k] if k < nu else window.y[:, k - nu]
+        dt = float(np.median(window.dt))
+        ahead = np.isfinite(setup.horizon) and dt > 0.0 and k >= nu
+        wide = max(round(setup.horizon / dt), SHORT) if ahead else len(values)
+        parts = np.array_split(values, max(len(values) // max(wide, 1), 1))
+        spans += [float(np.nanstd(part)) for part in parts]
+    return float(np.nanmedian(spans)) if spans else 0.0
 
 
 def _constant(

@@ -124,9 +124,10 @@ class Work(Tuner):
     def _cleared(self, task: Task) -> str:
         """The channel in doubt, if the newest rows tell that it is read rightly."""
         later = after(task.windows, task.doubt.row)
-        rows = split(later, max(sum(len(one.t) for one in later) - self.setup.enough, 0))[1]
+        rows = split(later, max(_count(later) - self.setup.enough, 0))[1]
         pose = partial(self.problem, task.version, names=self.editable(task.version))
-        return task.doubt.channel if refuted(self.setup, pose, rows, task.doubt) else ""
+        old = (*task.earlier, *split(task.windows, _count(task.windows) - _count(later))[0])
+        return task.doubt.channel if refuted(self.setup, pose, rows, task.doubt, old) else ""
 
     def _refuse(self, task: Task, content: dict[str, Any]) -> None:
         """A candidate that is not physical on its rows is none, and an event says why."""
@@ -386,3 +387,7 @@ class Work(Tuner):
             return np.zeros((0, 2))
         u = np.concatenate([w.u[:, columns] for w in windows])
         return np.stack([np.nanmin(u, axis=0), np.nanmax(u, axis=0)], axis=1)
+
+
+def _count(windows: Windows) -> int:
+    return sum(len(one.t) for one in windows)
