@@ -11,6 +11,7 @@ from collections.abc import Callable
 import numpy as np
 
 from evertwin.fold import Block
+from evertwin.gauges.change import split
 from evertwin.gauges.constant import STEP
 from evertwin.gauges.gauge_rows import FAR, LEAST, unchanged
 from evertwin.gauges.misread import possible
@@ -40,32 +41,36 @@ SCALED = (False, True)
 
 @unmeasured()
 def refuted(
-    setup: Setup, pose: Callable[[Windows], Problem], windows: Windows, doubt: Doubt,
-    earlier: Windows = (),
-) -> bool:  # fmt: skip
+    setup: Setup, pose: Callable[[Windows], Problem], rows: tuple[Windows, Windows], doubt: Doubt
+) -> bool:
     """Would every reading of a channel by such a number leave clearly more than none does; does no
     constant explain what is off; or does what stayed where it was move as it did?
 
     Args:
         setup: of the twin.
         pose: the version as it is, on some rows.
-        windows: rows that came after it was said.
+        rows: those that are kept from before, and those that are looked at; of these the newest
+            that came after it was said tell.
         doubt: channel, and recorded over what fits.
-        earlier: rows before: how the channel moved.
     """
+    place = sum(min(max(doubt.row - one.row, 0), len(one.t)) for one in rows[1])
+    before, windows = split(rows[1], place)
+    count = sum(len(one.t) for one in windows)
+    windows, earlier = split(windows, max(count - setup.enough, 0))[1], (*rows[0], *before)
     if not windows:
         return False
     (name, number, _), model, whole = doubt, setup.model, pose(windows)
-    before = unchanged(whole)
-    size, nu = rms(before), len(model.inputs)
-    few = np.isfinite(before).any(axis=1).sum() < LEAST
+    off = unchanged(whole)
+    size, nu = rms(off), len(model.inputs)
+    few = np.isfinite(off).any(axis=1).sum() < LEAST
     if few or not set(model.states.names) <= set(model.outputs.names):
         return False  # what is hidden is known from before alone
     angle = turned(setup, [Numbered(whole.model, whole.full(whole.start))], windows)
     if angle and (angle.channel, angle.number) == (name, number):
         return False
-    k = [c.name for c in (*model.inputs, *model.outputs)].index(name)
+    names = [c.name for c in (*model.inputs, *model.outputs)]
     if number == 0.0:
+        k = names.index(name)
         return _moves(setup, windows, k) >= MOVES * _moves(setup, earlier, k) > 0.0
     shares = list[float]()
     for one in possible(setup, model):
@@ -73,10 +78,11 @@ def refuted(
             continue
         factors = np.where(model.outputs.angles, 1.0, one.factors[nu:])
         left = unchanged(pose(tuple(one.undone(window) for window in windows))) / factors
-        left = np.where(np.isfinite(before) & ~np.isfinite(left), FAR * size, left)
-        shares.append(_share(before, left))
+        left = np.where(np.isfinite(off) & ~np.isfinite(left), FAR * size, left)
+        shares.append(_share(off, left))
     if number != 1.0:
         return bool(shares) and min(shares) > CLEARLY
+    k = names.index(name)
     return min(*shares, *(_constant(pose, windows, k, nu, scaled=s) for s in SCALED)) > HALF
 
 
@@ -132,4 +138,3 @@ def _without(window: Block, k: int, nu: int, by: float, scaled: bool) -> Block:
     side, column = (u, k) if k < nu else (y, k - nu)
     side[:, column] = side[:, column] / (1.0 + by) if scaled else side[:, column] - by
     return window._replace(u=u, y=y)
-
