@@ -111,7 +111,7 @@ FROM, ROWS, STEP = 1500, 2800, 0.1
 
 
 def driven(folder: Path, seed: int, fault: Callable[[Columns], None], slow: int = 0) -> RunResult:
-    """Of a base at 10 Hz, with a fault from FROM on, after which it hardly turns on ``slow`` rows."""
+    """Of a base at 10 Hz, and a fault from FROM on, where it hardly turns on ``slow`` rows."""
     rng, hold = np.random.default_rng(seed), 30
     v = np.repeat(rng.uniform(-0.15, 0.5, ROWS // hold + 1), hold)[:ROWS]
     w = np.repeat(rng.uniform(-0.6, 0.6, ROWS // hold + 1), hold)[:ROWS]
