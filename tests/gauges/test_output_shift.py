@@ -9,7 +9,7 @@ import pytest
 
 from evertwin import FunctionModel, Layout, Parameters, RunResult, Twin, TwinSpec
 from evertwin.anomaly.spec import AnomalySpec
-from evertwin.config.spec import ModelSpec, PredictionSpec, Span
+from evertwin.config.spec import ModelSpec, ParameterSpec, PredictionSpec, Span
 from evertwin.gauges.gauge_rows import Rows
 from evertwin.gauges.output_shift import Off, moves
 from evertwin.models.translated import translated
@@ -190,3 +190,41 @@ def test_a_share_by_which_an_output_beside_the_states_leapt_is_not_learned() -> 
     ]
     assert len(told) >= 4
     assert all("sensor or machine, that cannot be told" in said for said in told)
+
+
+def axis(seed: int, number: str, by: float) -> RunResult:
+    """Force of an axis at 50 Hz in smooth motion; from the middle on one of its numbers, or what
+    its force meter reads, is so many times as much."""
+    rng, t = np.random.default_rng(seed), 0.02 * np.arange(3000)
+    rates, phases = rng.uniform(0.15, 0.9, (4, 1)), rng.uniform(0.0, 6.0, (4, 1))
+    turns = 2.0 * np.pi * rates * t + phases
+    speed = 0.05 * np.cos(turns).sum(axis=0)
+    acceleration = -0.05 * (2.0 * np.pi * rates * np.sin(turns)).sum(axis=0)
+    share = {one: np.where(t >= 30.0, by if one == number else 1.0, 1.0) for one in
+             ("mass", "Fv", "Fc", "reads")}  # fmt: skip
+    force = 42.0 * share["mass"] * acceleration + 180.0 * share["Fv"] * speed
+    force = share["reads"] * (force + 25.0 * share["Fc"] * np.sign(speed))
+    force += rng.normal(0.0, 0.3, len(t))
+    known = {one: ParameterSpec(v) for one, v in {"mass": 42.0, "Fv": 180.0, "Fc": 25.0}.items()}
+    spec = TwinSpec(
+        "axis", ModelSpec("drive_force", options={"law": "sign"}, parameters=known), beat=Span(100),
+        anomaly=AnomalySpec(requirement=0.05, window=Span(400)),
+    )  # fmt: skip
+    seen = {"t": t, "speed": speed, "acceleration": acceleration, "force": force}
+    with Twin(spec) as twin:
+        return twin.run(seen)
+
+
+@first_of("seed", range(5))
+def test_all_numbers_by_one_share_may_be_the_meters(seed: int) -> None:
+    result = axis(seed, "reads", 1.3)
+    (told,) = [e.reason for e in result.of_kind("normal")]
+    assert "a sensor of force that is off by +" in told
+    assert "would look the same" in result.headline
+
+
+@first_of("seed", range(5))
+@pytest.mark.parametrize("number", ["mass", "Fv", "Fc"])
+def test_one_number_alone_is_the_machines(number: str, seed: int) -> None:
+    result = axis(seed, number, 1.4)
+    assert not any("would look the same" in e.reason for e in result.events)

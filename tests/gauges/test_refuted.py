@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,11 @@ import pytest
 
 from evertwin import Twin
 from evertwin.outcome import RunResult
+from evertwin.types import Vector
+from planted.draws import first_of
+
+Columns = dict[str, Vector]
+WAYS = (np.cos, np.sin)
 
 TWIN = """schema = 1
 name = "hoist"
@@ -78,3 +84,81 @@ def test_a_sign_that_stays_turned_stays_in_doubt(tmp_path: Path, seed: int) -> N
     assert "the sign of force looks turned" in result.headline
     assert not [e for e in result.of_kind("normal") if "doubt" in e.evidence]
     assert not [e for e in result.of_kind("promoted") if e.row > 2000]
+
+
+BASE = """schema = 1
+name = "base"
+beat = "2 s"
+[model]
+kind = "differential"
+[[source]]
+name = "log"
+[source.channels]
+v = { column = "v", unit = "m/s" }
+w = { column = "w", unit = "rad/s" }
+x = { column = "x", unit = "m" }
+y = { column = "y", unit = "m" }
+heading = { column = "heading", unit = "rad" }
+[prediction]
+horizon = "1 s"
+[anomaly]
+requirement = "1 cm"
+relative = false
+outputs = ["x", "y", "heading"]
+window = "100 s"
+"""
+FROM, ROWS, STEP = 1500, 2800, 0.1
+
+
+def driven(folder: Path, seed: int, fault: Callable[[Columns], None], slow: int = 0) -> RunResult:
+    """Of a base at 10 Hz, and a fault from FROM on, where it hardly turns on ``slow`` rows."""
+    rng, hold = np.random.default_rng(seed), 30
+    v = np.repeat(rng.uniform(-0.15, 0.5, ROWS // hold + 1), hold)[:ROWS]
+    w = np.repeat(rng.uniform(-0.6, 0.6, ROWS // hold + 1), hold)[:ROWS]
+    w[FROM : FROM + slow] = rng.uniform(0.005, 0.008, slow)
+    heading = np.concatenate([[0.0], np.cumsum(STEP * w)])
+    mean = 0.5 * (heading[1:] + heading[:-1])
+    x, y = (np.concatenate([[1.0], 1.0 + np.cumsum(STEP * v * f(mean))])[:-1] for f in WAYS)
+    seen = {"v": v, "w": w, "x": x, "y": y, "heading": heading[:-1]}
+    seen |= {name: seen[name] + rng.normal(0.0, 0.002, ROWS) for name in ("x", "y", "heading")}
+    fault({name: column[FROM:] for name, column in seen.items()})
+    (folder / "base.toml").write_text(BASE)
+    with Twin.open(folder / "base.toml") as twin:
+        return twin.run({"t": STEP * np.arange(ROWS), **seen})
+
+
+def exchanged(late: Columns) -> None:
+    late["x"][:], late["y"][:] = late["y"].copy(), late["x"].copy()
+
+
+def scaled(late: Columns) -> None:
+    late["x"] *= 1.1
+
+
+def degrees(late: Columns) -> None:
+    late["w"] *= 180.0 / np.pi
+
+
+def accused(result: RunResult) -> list[str]:
+    """Channels that were accused, and that were said to be in doubt no longer, in order."""
+    return [
+        ("not " if "doubt" in one.evidence else "") + one.signal
+        for one in sorted(result.of_kind("abnormal", "normal"), key=lambda one: one.row)
+        if one.signal and {"number", "doubt"} & set(one.evidence)
+    ]
+
+
+@pytest.mark.parametrize("fault", [exchanged, scaled])
+@first_of("seed", [1, 2, 3])
+def test_rows_before_a_fault_and_outputs_without_it_refute_nothing(
+    tmp_path: Path, fault: Callable[[Columns], None], seed: int
+) -> None:
+    result = driven(tmp_path, seed, fault)
+    assert accused(result) == ["x"]
+    assert not result.of_kind("promoted")
+
+
+def test_a_heading_that_moves_again_is_in_doubt_no_longer(tmp_path: Path) -> None:
+    result = driven(tmp_path, 2, degrees, slow=60)
+    assert accused(result) == ["heading", "not heading", "w"]
+    assert "w looks 57.3 times what it is" in result.headline

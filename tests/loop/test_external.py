@@ -198,6 +198,22 @@ def test_a_push_on_a_machine_that_stands_is_no_sensor(force: float) -> None:
     assert not any("has not moved" in one for one in said)
 
 
+@pytest.mark.parametrize("stands", [True, False])
+def test_a_position_that_stands_too_speaks_for_its_speed(stands: bool) -> None:
+    """What moves the force while both stand acts from outside; one that goes on tells of the
+    speed's sensor."""
+    block, options = rows(seed=3), {"law": "sign+spring"}
+    sprung = replace(AXIS, model=replace(AXIS.model, options=options))
+    position, speed = -0.1 / 0.9 * np.cos(0.009 * np.arange(4000)), block.u.copy()
+    speed[2000:] = 0.0
+    position[2000:] = position[2000] if stands else position[2000:]
+    position += np.random.default_rng(4).normal(0.0, 1e-5, 4000)
+    names = model_of(sprung).inputs.names
+    u = np.stack([{"position": position}.get(n, speed[:, names.index(n) % 2]) for n in names], 1)
+    said = folded(sprung, make_block(block.t, u, block.y), 500)[1]
+    assert any("speed has not " in one for one in said) is not stands
+
+
 def test_a_machine_may_stand_as_long_as_it_likes() -> None:
     block = rows(seed=3)
     u, y = block.u.copy(), block.y.copy()

@@ -300,6 +300,7 @@ def test_a_sensor_that_stepped_away_is_told_first(
     with Twin(ROBOT) as twin:
         text = headline(twin.setup, figures(0.004, 0.004), (twin.champion,), events, None)
     assert text.startswith(first)
+    assert ("is off since then, or was before and came right" in text) is ("has stood" in first)
     assert ("contradicted each other at pose" in text) is first.startswith("The twin")
 
 

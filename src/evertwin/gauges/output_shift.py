@@ -128,9 +128,15 @@ def shifted_output(rows: Rows) -> tuple[SensorChange | None, str]:
         ), None, rows.row(edges[0])), ""  # fmt: skip
     alike = ours <= ALIKE * theirs or (seen and ours <= usual)  # the usual is nothing to explain
     # of a machine that became another one as well nobody says that its sensor alone did
-    if alike and rows.total(best.alone, known) <= ALIKE * max(theirs, usual):
-        return None, f"; {SENSOR}{channel.name} that is off by {said} {SAME}"
-    return None, ""
+    alike = alike and rows.total(best.alone, known) <= ALIKE * max(theirs, usual)
+    told = alike or (steady is not None and _as_learned(rows, steady, known))
+    return None, f"; {SENSOR}{channel.name} that is off by {said} {SAME}" if told else ""
+
+
+def _as_learned(rows: Rows, one: Off, known: Bool[np.ndarray, "n ny"]) -> bool:
+    """Does one share leave as little as what is learned, which is one machine, too?"""
+    left = max(rows.total(some, known) for some in (one.left, one.alone))
+    return left <= ALIKE * rows.total(rows.tuned, known)
 
 
 def _steady(rows: Rows, one: Off, first: int, known: Bool[np.ndarray, "n ny"]) -> Off | None:

@@ -95,7 +95,7 @@ def carried(driver: Driver, store: Store, run: int, state: TwinState) -> TwinSta
         fitted=before.fitted - left.elapsed, since=before.since - rows, told=before.told,
         followed=before.followed - left.elapsed, pace=before.pace,
         hold=max(before.hold - rows, 0), look=max(before.look - rows, 0), cause=before.cause,
-        doubt=before.doubt,
+        doubt=before.doubt, doubted=before.doubted, doubted_at=before.doubted_at - rows,
     )  # fmt: skip
     old: Any = left.live.track
     old.beliefs[:, 1:] = 0  # doubts are of rows

@@ -17,7 +17,7 @@ from evertwin.fold import Answer, Request
 from evertwin.loop.in_stream import as_is
 from evertwin.refit.answering import undone
 from evertwin.refit.work import Work
-from evertwin.setup.task import Task
+from evertwin.setup.task import Doubt, Task
 from evertwin.setup.twin_state import TwinState
 
 
@@ -54,8 +54,8 @@ class SlowWork:
             agenda.kind, version, rows, agenda.tunings, agenda.held, agenda.again > 0, rival,
             agenda.commissioned, agenda.cause, earlier,
             None if version.parent is None else self.work.versions[version.parent],
-            (agenda.doubt, agenda.doubted), self.work.versions.before(version.number),
-            state.ring.seen[1].copy(),
+            Doubt(agenda.doubt, agenda.doubted, agenda.doubted_at),
+            self.work.versions.before(version.number), state.ring.seen[1].copy(),
         )  # fmt: skip
         self.engine.submit(request, partial(self.work.content, task))
 

@@ -82,7 +82,8 @@ def in_doubt(decision: Decision, setup: Setup, content: Mapping[str, Any]) -> Ma
         decision.state = decision.state._replace(other=EMPTY)
         decision.remember(phase=WATCH)
     decision.remember(doubt=channel if content["lasts"] and not over else "")
-    decision.remember(doubted=float(content["events"][-1]["evidence"]["number"]))
+    by = float(content["events"][-1]["evidence"]["number"])
+    decision.remember(doubted=by, doubted_at=agenda.stop)
     return {**content, "events": []} if again and not (over or content["lasts"]) else content
 
 
@@ -97,7 +98,8 @@ def _with(content: Mapping[str, Any], channel: str) -> Mapping[str, Any]:
 
 def _cleared(decision: Decision, setup: Setup) -> None:
     """Later rows refute what was said of a channel: what is off on them may be learned."""
-    since = max(decision.state.agenda.since, decision.state.row - setup.enough)
+    agenda = decision.state.agenda
+    since = max(agenda.since, agenda.doubted_at, decision.state.row - setup.enough)
     clears(decision, f"rows from {called(since)} on refute what was said")
     decision.remember(accused="", since=since)
 

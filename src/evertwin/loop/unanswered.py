@@ -140,6 +140,11 @@ def _driven(
     (columns, count, least), kept = asked, _kept(rows)
     now, u, y = np.arange(len(kept)) >= len(kept) - count, rows.u[kept], rows.y[kept]
     moving, by, found = setup.moving(u), setup.judged_by[0], list[str]()
+    # where the position beside a speed stands as well, it is the machine that does
+    for place, speed, _ in setup.kinematics.columns:
+        went, usual = (_spread(u[some, place]) for some in (now, ~now & moving.any(axis=1)))
+        if speed in columns and place not in columns and went < DRIVEN * usual:
+            return []
     at_rest = u.copy()
     if least == MUCH:  # friction at rest is not what the sign of a speed says that scatters
         at_rest[:, by] = np.where(moving, u[:, by], 0.0)

@@ -3,12 +3,13 @@ the end.
 
 The arbiter lets samples that agree with each other overrule the model, for the machine may have
 been moved. A sensor that is off for a while looks the same as it leaves, and steps back by as much
-when it is right again; what never came back cannot be told from a machine that was moved. Either
-is the first that a result has to say. Where a signal overrules the model again and again, the model
-is rough there, and nothing of this is said; nor of a jump within what the model is off by anyway,
-nor of an output that forgets where it was, as a
-current does: a sensor that is off would go on to contradict the model. One that forgets slowly, as
-a temperature does, contradicts it by so little within a prediction that nothing else tells of it.
+when it is right again; what never came back cannot be told from a machine that was moved, nor from
+a sensor that went off by and by and came right at once. Either is the first that a result has to
+say. Where a signal overrules the model again and again, the model is rough there, and nothing of
+this is said; nor of a jump within what the model is off by anyway, nor of an output that forgets
+where it was, as a current does: a sensor that is off would go on to contradict the model. One that
+forgets slowly, as a temperature does, contradicts it by so little within a prediction that nothing
+else tells of it.
 
 >>> there = {"delta": {"x": 0.5}, "sigma": {"x": 0.01}, "onset": 10}
 >>> events = [Event(17, 0, "overruled", "pose", "", there)]
@@ -155,7 +156,8 @@ def _told(
         since: Any = open_one[0].evidence
         text = (
             f"{signal} has stood {_by(signal, *open_one[1:], units)} apart from what the model "
-            f"followed since row {since['onset']}: the sensor is off, if nothing moved the machine."
+            f"followed since row {since['onset']}: the sensor is off since then, or was before and "
+            "came right, if nothing moved the machine."
         )
     return text
 

@@ -19,7 +19,7 @@ from evertwin.anomaly.verdict import Verdict, explained
 from evertwin.config.spec import TwinSpec
 from evertwin.errors import DataError, ModelError, TooFew, UsageError
 from evertwin.fold import plain
-from evertwin.gauges.change import split, suddenly
+from evertwin.gauges.change import suddenly
 from evertwin.gauges.gauge import at_once
 from evertwin.gauges.misread import misread
 from evertwin.gauges.refuted import refuted
@@ -51,6 +51,7 @@ from evertwin.refit.recovered import recovered
 from evertwin.refit.recursive_fit import Recursion
 from evertwin.refit.simplest import law_now
 from evertwin.refit.states import States, amount
+from evertwin.refit.told import known
 from evertwin.refit.tuner import ENOUGH, Tuner
 from evertwin.refit.workers import setup_of
 from evertwin.setup.evaluation import left, scale_of, sizes
@@ -112,7 +113,7 @@ class Work(Tuner):
                 content["against"] = against(content)
             if task.rival is not None and not (content.get("candidate") or {}).get("brief"):
                 content = self._surpassing(task, task.rival, content)
-            if task.kind == "fit" and task.doubt[0]:
+            if task.kind == "fit" and task.doubt.channel:
                 content["cleared"] = self._cleared(task)
         except TooFew as error:
             # not a verdict on anything: more rows come
@@ -123,10 +124,9 @@ class Work(Tuner):
 
     def _cleared(self, task: Task) -> str:
         """The channel in doubt, if the newest rows tell that it is read rightly."""
-        names, count = self.editable(task.version), sum(len(one.t) for one in task.windows)
-        rows = split(task.windows, max(count - self.setup.enough, 0))[1]
-        pose = partial(self.problem, task.version, names=names)
-        return task.doubt[0] if refuted(self.setup, pose, rows, task.doubt) else ""
+        pose = partial(self.problem, task.version, names=self.editable(task.version))
+        refutes = refuted(self.setup, pose, (task.earlier, task.windows), task.doubt)
+        return task.doubt.channel if refutes else ""
 
     def _refuse(self, task: Task, content: dict[str, Any]) -> None:
         """A candidate that is not physical on its rows is none, and an event says why."""
@@ -285,11 +285,18 @@ class Work(Tuner):
         """The tuned version as a candidate, if something was learned and all is inside bounds."""
         checks = admit(fit.values, *problem.bounds)
         missed = [check.name for check in checks if not check.passed]
+        blind = set(fit.verdict) == {"not"}  # an event has said so of each number
         if missed:
             events.append(event("rejected", "", f"outside: {', '.join(missed)}", {}))
-        blind = set(fit.verdict) == {"not"}  # an event has said so of each number
         if missed or blind or not fit.converged or not np.any(fit.values != fit.start):
             return None
+        if rest := known(fit, version.names):
+            events.append(event("rejected", "", rest.why, {}))
+            if not rest.names:
+                return None
+            other = self.tune(problem.tuning(rest.names))[:2]
+            pays = explained(other[1], other[1].noise) >= self.setup.trial.margin
+            return self.tuned(version, *other, windows, events) if pays else None
         told = [name for name in fit.moved if name.removesuffix(" (weak)") in version.names]
         reason = f"tuned {', '.join(told)}"
         events.append(event("tuned", "", reason, fit.to_dict(timing=False)))

@@ -12,6 +12,21 @@ from evertwin.models.form import Version
 Windows = tuple[Block, ...]
 
 
+class Doubt(NamedTuple):
+    """A channel that was said to be read wrongly.
+
+    >>> Doubt().channel
+    ''
+    """
+
+    channel: str = ""
+    """Empty: none."""
+    number: float = 1.0
+    """Recorded over what it was said to be; 1: off by a constant, a share, or exchanged."""
+    row: int = 0
+    """Row after those that say so: later ones alone can refute it."""
+
+
 class Task(NamedTuple):
     """What a request asks for, with all that the answer follows from.
 
@@ -42,8 +57,7 @@ class Task(NamedTuple):
     """Rows that are kept from before these: how channels usually go."""
     replaced: Version | None = None
     """The one before the version, by rows that neither had seen."""
-    doubt: tuple[str, float] = ("", 1.0)
-    """Channel in doubt, and recorded over what it was said to be; empty: none."""
+    doubt: Doubt = Doubt()
     former: tuple[Version, ...] = ()
     """The newest that were live before the version: a repair may bring one of them back."""
     seen: np.ndarray | None = None

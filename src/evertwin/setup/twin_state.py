@@ -125,6 +125,8 @@ class Agenda(NamedTuple):
     """Channel in doubt by rows from before, which newer ones do not tell of; empty: none."""
     doubted: float = 1.0
     """Recorded over what it was said to be."""
+    doubted_at: int = 0
+    """Row after those that said so."""
     accused: str = ""
     """Channel that was told last not to be what it was, by a doubt that each window tells anew."""
     cause: str = ""
