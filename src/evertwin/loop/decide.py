@@ -271,7 +271,7 @@ class Decide:
             model, nu = setup.model, len(setup.model.inputs)
             columns = [nu + model.outputs.index(name) for name in names]
             refuse(decision.state.ring, columns, *span)
-        if "noise" in content:
+        if content.get("noise") is not None:
             decision.state.scores.usual.noise[:] = content["noise"]
         if content.get("tuned"):
             decision.remember(tunings=agenda.tunings + 1, cause="")

@@ -199,12 +199,10 @@ class Work(Tuner):
     def fit(self, task: Task) -> dict[str, Any]:
         """Tunes, and judges what the residual of the tuned model still says."""
         version, windows, commissioned = task.version, task.windows, task.commissioned
-        once = self.setup.once if commissioned else ()
-        names = tuple(n for n in self.due(version, task.tunings) if n not in once)
-        if not names:
+        if not (names := self._turn(task)):
             return {"events": [], "next": self._next()}
-        task = task._replace(version=self.begun(version, windows)) if task.held else task
-        version = task.version
+        version = self.begun(version, windows) if task.held else version
+        task = task._replace(version=version)
         windows, events = self.now(task, version, names)
         since = {"since": windows[0].row} if windows is not task.windows else {}
         model = self.versions.model_of(version.form)
@@ -241,15 +239,15 @@ class Work(Tuner):
         if commissioned and not rounds:
             problem, fit = fewest(self.setup, problem, fit, self.tune)
         fit, said = self.sure(problem, fit, verdict, alike)
-        events += said
         part = explained(fit, fit.noise)
+        events += said
         if task.waits and (verdict.kind == "normal" or verdict.alone) and part < MUCH:
             raise TooFew(f"tuning explains {100 * part:.0f} % of the deviation so far")
         content: dict[str, Any] = {
             "events": events, "fit": fit.to_dict(timing=False), "tuned": True, **rounds,
+            "noise": verdict.evidence.get("noise"),
         }  # fmt: skip
         helps = verdict.kind != "abnormal" or verdict.alone or self._helps(verdict, fit)
-        content |= {k: v for k, v in verdict.evidence.items() if k == "noise"}
         first = helps and numbers_first(self.setup, problem, task, verdict, part)
         if verdict.kind == "abnormal" and self._next() and not first:
             content["candidate"] = self._named(verdict, version, problem, events)
@@ -259,6 +257,11 @@ class Work(Tuner):
             more = acting(chosen, problem, fit).said + alike
             content["candidate"] = found and found | {"reason": found["reason"] + more}
         return content if of_the_form(task, verdict) else content | since
+
+    def _turn(self, task: Task) -> tuple[str, ...]:
+        """The parameters whose turn it is; what is tuned once only before anything has held."""
+        once = self.setup.once if task.commissioned else ()
+        return tuple(n for n in self.due(task.version, task.tunings) if n not in once)
 
     def _named(
         self, verdict: Verdict, version: Version, problem: Problem, events: list[dict[str, Any]]
