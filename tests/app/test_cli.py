@@ -178,7 +178,7 @@ def test_check_tells_of_a_sensor_that_stands_apart(
     table["x"][len(table["x"]) // 2 + seed :] += step
     save(folder / "robot.csv", table)
     done = call("run", "robot.toml", "--data", "robot.csv", "--again", "--check")
-    assert done.code == 1 and "the sensor is off, if nothing moved the machine" in done.out
+    assert done.code == 1 and "the sensor is off since then" in done.out
 
 
 def test_a_store_belongs_to_one_process(spawn: Command, folder: Path) -> None:

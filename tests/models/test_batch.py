@@ -70,6 +70,7 @@ def test_a_wrapper_runs_the_batch_of_its_model_with_the_bits_of_roll_outs(name: 
     assert np.isfinite(runs).any() and np.isnan(runs[:, 7]).any()
 
 
+@pytest.mark.long
 def test_a_corrected_mujoco_model_gains_from_whole_stretches() -> None:
     """Row by row it would pay a Python call in each."""
     model = WRAPPED["law"]()
