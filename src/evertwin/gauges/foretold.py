@@ -35,10 +35,10 @@ FEW = 6
 """Inputs up to which each two of them are looked at together."""
 
 
-def usual(left: Vector) -> Vector:
+def clipped(left: Vector) -> Vector:
     """A residual whose few largest rows are cut down.
 
-    >>> usual(np.array([1.0, -1.0, 1.0, 90.0])).tolist()
+    >>> clipped(np.array([1.0, -1.0, 1.0, 90.0])).tolist()
     [1.0, -1.0, 1.0, 4.5]
     """
     size = WIDE * float(np.nanmedian(np.abs(left))) if np.isfinite(left).any() else 0.0
@@ -63,15 +63,15 @@ class Past(NamedTuple):
         Args:
             left: residual of an output, NaN where it is not known.
         """
-        bulk = usual(left)
+        bulk, inputs = clipped(left), self._inputs()
         part = float(np.nansum(np.square(bulk)) / max(np.nansum(np.square(left)), 1e-300))
-        return max(self._share(left), part * self._share(bulk))
+        return max(self._share(left, inputs), part * self._share(bulk, inputs))
 
-    def _share(self, left: Vector) -> float:
+    def _share(self, left: Vector, inputs: Float64[np.ndarray, "rows columns"]) -> float:
         known = np.isfinite(left)
         y, part = left[known], np.arange(known.sum()) * PARTS // max(known.sum(), 1) % 2 == 0
         found = [0.0]
-        for by in (self._residuals(left)[known], self._inputs()[known]):
+        for by in (self._residuals(left)[known], inputs[known]):
             if min(part.sum(), (~part).sum()) < TIMES * by.shape[1]:
                 return 1.0
             lost = 0.0

@@ -19,7 +19,7 @@ import numpy as np
 
 from evertwin.fold import Block
 from evertwin.gauges.change import likely
-from evertwin.gauges.foretold import Past, usual
+from evertwin.gauges.foretold import Past, clipped
 from evertwin.gauges.unlike import changes
 from evertwin.models import Model
 from evertwin.models.kernel import CONTINUE
@@ -147,7 +147,7 @@ def _foretold(setup: Setup, problem: Problem, fit: Fit, outputs: np.ndarray) -> 
     """The largest share of what is left of these outputs that could have been foretold."""
     rows, left = problem.rows, problem.residuals(fit.values)
     left = np.where(rows.moving, left, np.nan)
-    bulk = np.stack([usual(left[:, k]) for k in outputs], axis=1)
+    bulk = np.stack([clipped(left[:, k]) for k in outputs], axis=1)
     if (place := likely(bulk)) and _grows(bulk, place):
         return 1.0
     window = np.repeat(np.arange(len(problem.windows)), [len(w.t) for w in problem.windows])

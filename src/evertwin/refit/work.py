@@ -239,8 +239,8 @@ class Work(Tuner):
         if commissioned and not rounds:
             problem, fit = fewest(self.setup, problem, fit, self.tune)
         fit, said = self.sure(problem, fit, verdict, alike)
-        part = explained(fit, fit.noise)
         events += said
+        part = explained(fit, fit.noise)
         if task.waits and (verdict.kind == "normal" or verdict.alone) and part < MUCH:
             raise TooFew(f"tuning explains {100 * part:.0f} % of the deviation so far")
         content: dict[str, Any] = {
