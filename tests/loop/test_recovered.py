@@ -133,3 +133,26 @@ def test_of_several_former_versions_the_nearest_one_is_back(seed: int) -> None:
         assert axis_twin.champion.values[0] == pytest.approx(1.1, rel=0.02), went
         back = [e for e in axis_twin.events if e.kind == "rolled_back" and e.row > 6000]
     assert all(e.evidence["version"] != 0 for e in back), went
+
+
+@first_of(("seed", "other", "period"), [(1, 1.3, 2000), (2, 0.8, 1500), (3, 1.5, 3000)])
+def test_a_machine_that_alternates_is_told_and_not_learned_anew(
+    seed: int, other: float, period: int
+) -> None:
+    """Its two versions come back by turns, sooner than what is new is tried."""
+    rng, n = np.random.default_rng(seed), 14 * period
+    at = np.arange(n)
+    u = np.sin(at * 0.07 + rng.uniform(0, 6)) + np.sin(at * 0.031)
+    gain = np.where(at // period % 2 == 0, 1.1, 1.1 * other)
+    rows = {"t": at * 0.01, "u": u, "y": gain * u + 0.01 * rng.normal(size=n)}
+    with twin() as axis_twin:
+        result = axis_twin.run(rows)
+        versions = len(axis_twin._versions)
+    said = result.of_kind("alternates")
+    switches = [e for e in result.events if e.kind in ("promoted", "rolled_back")]
+    assert versions <= 4 and len(said) == 1, [(e.row, e.reason) for e in switches]
+    assert "goes back to each and learns nothing anew" in said[0].reason
+    assert "gain 1.1" in said[0].reason and said[0].reason in result.headline.lower()
+    known = [e.row % period for e in switches if e.row > said[0].row]
+    assert len(known) >= 5 and max(known) <= period // 2, known
+    assert not [e for e in result.of_kind("tuned") if e.row > said[0].row + period]

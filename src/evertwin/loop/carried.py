@@ -50,6 +50,7 @@ class _HandedOn(NamedTuple):
     elapsed: int
     live: Lane
     stream: Any
+    lives: np.ndarray
     detect: Any
     kinematics: Any
     recurrence: Any
@@ -77,7 +78,7 @@ def carried(driver: Driver, store: Store, run: int, state: TwinState) -> TwinSta
         like_scores = _Scores(*(getattr(state.scores, name) for name in _Scores._fields))
         like = _HandedOn(
             0, driver.follow.lane(live, tracked=True), driver.follow.opens(live),
-            setup.detect.init(), setup.kinematics.init(), setup.recurrence.init(),
+            state.lives, setup.detect.init(), setup.kinematics.init(), setup.recurrence.init(),
             setup.trial.init(), like_scores, Agenda(), state.watched, setup.ring.init(),
         )  # fmt: skip
         found = store.restore(Saved(like), run)
@@ -101,7 +102,8 @@ def carried(driver: Driver, store: Store, run: int, state: TwinState) -> TwinSta
     old.beliefs[:, 1:] = 0  # doubts are of rows
     track = state.live.track._replace(**{name: getattr(old, name) for name in ARBITER})
     state = state._replace(
-        live=state.live._replace(track=track), stream=left.stream, detect=detect,
+        live=state.live._replace(track=track), stream=left.stream,
+        lives=left.lives - np.where(left.lives[:, :1] < 0, 0, (0, rows)), detect=detect,
         kinematics=setup.kinematics.handed_on(left.kinematics), recurrence=left.recurrence,
         scores=state.scores._replace(**left.scores._asdict()), agenda=agenda,
         watched=left.watched, ring=setup.ring.handed_on(left.ring),

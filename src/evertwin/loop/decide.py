@@ -20,6 +20,7 @@ from evertwin.loop.crossing import outside
 from evertwin.loop.decision import Decision
 from evertwin.loop.disturbances import disturbed, unlearn
 from evertwin.loop.follow import EMPTY, Follow
+from evertwin.loop.former import KNOWN, known_again, tell_alternates, without_newest
 from evertwin.loop.going_live import goes_live, recovered, switched
 from evertwin.loop.heeding import heed
 from evertwin.loop.in_stream import tell_followed
@@ -304,6 +305,8 @@ class Decide:
         if begins.said:
             decision.say("superseded", "", begins.said, begins.evidence)
         former = candidate.get("version")
+        if former is not None and known_again(state.lives, former):
+            candidate = {**candidate, "brief": KNOWN}  # the machine was like it time and again
         version = follow.versions.add(
             Form.from_json(candidate["form"]), candidate["values"], parent=state.live.version,
             reason=str(candidate["reason"]), row=state.row,
@@ -318,7 +321,7 @@ class Decide:
         decision.remember(
             phase=TRIAL, tried=begins.tried,
             versions=max(state.agenda.versions, version.number + 1),
-            brief=float(candidate.get("brief", -1.0)), begins=int(candidate.get("begins", 0)),
+            brief=float(candidate.get("brief", -1.0)), begins=int(candidate.get("begins", -1)),
         )  # fmt: skip
 
     # ------------------------------------------------------------------ trial and probation
@@ -335,7 +338,8 @@ class Decide:
             reason = f"version {number} is not better on unseen data: {evidence['sentence']}"
             decision.say("rejected", "", reason, {**evidence, "version": number})
             decision.state = decision.state._replace(other=EMPTY)
-            decision.remember(phase=WATCH, hold=state.row + self.follow.setup.holdoff)
+            hold = state.row + self.follow.setup.holdoff
+            decision.remember(phase=WATCH, hold=hold, brief=-1.0)
 
     def _promote(self, decision: Decision, evidence: Mapping[str, Any]) -> None:
         state = decision.state
@@ -344,12 +348,15 @@ class Decide:
         if state.agenda.brief >= 0.0:
             shown = shown.partition(", e-value")[0]
         reason = f"version {new.version} replaces {old.version}: {shown}"
-        decision.say("promoted", "", reason, switched(self.follow, evidence, new.version))
+        again = int((state.lives[:, 0] == new.version).sum())
+        told = switched(self.follow, evidence, new.version) | ({"again": again} if again else {})
+        decision.say("promoted", "", reason, told)
         first = old if state.first.version < 0 else state.first
         decision.state = goes_live(self.follow, decision.state, new.version, old, first)
-        if state.agenda.brief >= 0.0:
+        if state.agenda.brief >= 0.0 and state.agenda.begins >= 0:
             adopted(decision, self.follow.setup, self.follow.versions[new.version])
-        decision.remember(phase=PROBATION)
+        decision.remember(phase=PROBATION, brief=-1.0)
+        tell_alternates(decision)
 
     def _judge_probation(self, decision: Decision) -> None:
         state = decision.state
@@ -364,6 +371,7 @@ class Decide:
             versions = self.follow.versions
             returned(decision, self.follow.setup, versions[state.live.version], versions[old])
             decision.state = goes_live(self.follow, decision.state, old, EMPTY, state.first)
+            decision.state = decision.state._replace(lives=without_newest(state.lives))
             past = versions[old].row < state.agenda.since
             since = state.scores.rows if past else state.agenda.since
             hold = state.row + self.follow.setup.holdoff

@@ -20,6 +20,7 @@ from evertwin.ledger.versions import Versions
 from evertwin.loop.crossing import crossed
 from evertwin.loop.decide import Decide
 from evertwin.loop.follow import EMPTY, Follow, Followed
+from evertwin.loop.former import none, with_live
 from evertwin.loop.slow_work import SlowWork
 from evertwin.outcome.changes import spelled
 from evertwin.refit.work import Work
@@ -130,7 +131,8 @@ class Driver:
         return TwinState(
             row=0, task=-1, time=0, began=0, elapsed=0,
             live=self.follow.lane(self.champion, tracked=True),
-            stream=self.follow.opens(self.champion), first=EMPTY, other=EMPTY,
+            stream=self.follow.opens(self.champion),
+            lives=with_live(none(), self.champion, 0), first=EMPTY, other=EMPTY,
             newest=setup.at_horizon.init(), waiting=setup.residual_filter.init(),
             detect=setup.detect.init(), external=setup.external.init(),
             kinematics=setup.kinematics.init(),

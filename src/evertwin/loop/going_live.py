@@ -11,6 +11,7 @@ from evertwin.fold import copy
 from evertwin.gauges.sensor_change import unmeasured
 from evertwin.loop.decision import Decision
 from evertwin.loop.follow import EMPTY, Follow
+from evertwin.loop.former import former, tell_alternates, with_live
 from evertwin.loop.looking import returned
 from evertwin.rows.ring import called
 from evertwin.setup.deviation import Sums, judged_deviation
@@ -58,6 +59,7 @@ def recovered(decision: Decision, follow: Follow) -> None:
     decision.state = goes_live(follow, state._replace(other=lane), old, EMPTY, state.first)
     hold = state.row + follow.setup.holdoff
     decision.remember(phase=WATCH, hold=hold, since=max(agenda.since, since), again=0)
+    tell_alternates(decision)
 
 
 @unmeasured()
@@ -67,20 +69,20 @@ def _nearest(follow: Follow, state: TwinState, since: int) -> int:
     setup, versions, live = follow.setup, follow.versions, state.live.version
     windows, first = setup.ring.between(state.ring, since, state.row), state.first.version
     tried = {state.other.version} if state.agenda.phase == TRIAL else set()
-    former = {first, *(one.number for one in versions.before(live))} - {live}
+    once = {first, *(one.number for one in former(versions, state, live))} - {live}
     if not windows:
         return first
-    off = {k: left(setup, versions.model(k), versions[k].p, windows) for k in former | tried}
+    off = {k: left(setup, versions.model(k), versions[k].p, windows) for k in once | tried}
     share = {k: float(np.nanmean(one / off[first])) for k, one in off.items()}
     if not np.isfinite(list(share.values())).all():  # nothing moved: the bets alone tell
         return first
-    best = min(former, key=lambda k: (share[k], k != first))
+    best = min(once, key=lambda k: (share[k], k != first))
     if share[first] <= NEARLY * share[best]:
         best = first
     size = setup.sizes(np.concatenate([one.y for one in windows]))
     within = np.nan_to_num(off[best] / size)[setup.watched] <= setup.requirement
-    nearer = min((share[k] for k in tried - former), default=np.inf)
-    again = bool(tried & former) and best in tried
+    nearer = min((share[k] for k in tried - once), default=np.inf)
+    again = bool(tried & once) and best in tried
     if again or share[best] > NEARLY * nearer or not within.all():
         return -1
     return best
@@ -137,6 +139,7 @@ def goes_live(follow: Follow, state: TwinState, number: int, other: Any, first: 
         state.ring.seen[:] = follow.setup.ring.unseen()
     return state._replace(
         live=lane, stream=follow.goes_on(state, number), first=first, other=other,
+        lives=with_live(state.lives, number, state.row),
         scores=scores, agenda=state.agenda._replace(held=False, told=False, open=0),
         trial=follow.setup.probation.init(), recovery=recovery,
         detect=follow.setup.detect.anew(state.detect), external=follow.setup.external.init(),

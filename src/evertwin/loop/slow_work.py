@@ -14,6 +14,7 @@ from functools import partial
 
 from evertwin.engine import Engine
 from evertwin.fold import Answer, Request
+from evertwin.loop.former import former
 from evertwin.loop.in_stream import as_is
 from evertwin.refit.answering import undone
 from evertwin.refit.work import Work
@@ -55,7 +56,7 @@ class SlowWork:
             agenda.commissioned, agenda.cause, earlier,
             None if version.parent is None else self.work.versions[version.parent],
             Doubt(agenda.doubt, agenda.doubted, agenda.doubted_at),
-            self.work.versions.before(version.number), state.ring.seen[1].copy(),
+            former(self.work.versions, state, version.number), state.ring.seen[1].copy(),
         )  # fmt: skip
         self.engine.submit(request, partial(self.work.content, task))
 

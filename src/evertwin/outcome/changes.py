@@ -112,11 +112,17 @@ def spelled(event: Event, setup: Setup, versions: Versions, live: int) -> Event:
         rest = event.reason.split("; ")[1:]
         said = "; ".join([f"tuned {in_words(moved, units, halves)}", *rest])
         return replace(event, reason=said) if moved else event
+    if event.kind == "alternates":
+        known: Any = event.evidence
+        pair = sorted((known["first"], known["second"]), reverse=True)
+        said = changes(setup, [versions[number] for number in pair]).split("; ")[0]
+        return replace(event, reason=f"{event.reason}: {said}")
     if event.kind != "promoted":
         return event
     number: Any = event.evidence["version"]
     new, old = versions[number], versions[live]
     evidence = {**event.evidence, "replaced": live}
     again = "the machine is again as it was then, as after a repair"
-    said = changes(setup, (new, old)) if number > live else again
+    first = number > live and "again" not in evidence
+    said = changes(setup, (new, old)) if first else again
     return replace(event, reason=f"{event.reason}; {said}", evidence=evidence)

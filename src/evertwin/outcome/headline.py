@@ -40,6 +40,8 @@ OFTEN = 10
 """Contacts in a run from which on it is said that they may be none."""
 ROUGH = 3.0
 """A jump of fewer times what the model is off by is no news of its sensor."""
+LATEST = ("state", "followed", "alternates")
+"""Kinds of event of which the newest is told."""
 FITS = re.compile("The twin fits its machine(?: now)?")
 """What is said of a twin, unless rows of an output are refused to the end."""
 
@@ -65,11 +67,13 @@ def headline(
         )
     else:
         outcome = f"Nothing was predicted: {_why_none(measured)}."
-    told = [*faults.values(), outcome, *went_back(events, champion.number)]
+    turns = [{e.evidence["first"], e.evidence["second"]} for e in _last(events, "alternates")]
+    back = () if {champion.number} <= set().union(*turns) else went_back(events, champion.number)
+    told = [*faults.values(), outcome, *back]
     if doubted and doubted not in outcome:  # of a sensor in front; the machine may be elsewhere
         place = len(told) if doubted.startswith(OUTSIDE) else 0
         told.insert(place, f"{doubted[0].upper()}{doubted[1:]}.")
-    told += map(_sentence, (*_last(events, "state"), *_last(events, "followed")))
+    told += map(_sentence, [one for kind in LATEST for one in _last(events, kind)])
     doubts = _doubts(events, faults, max(measured, events[-1].row if events else 0))
     if doubts:
         most = [f"{signal} ({count}×)" for signal, count in doubts.most_common(FEW)]

@@ -132,11 +132,11 @@ class Tuner:
         model = self.versions.model_of(version.form)
         return left(self.setup, model, version.p, windows, self.known)
 
-    def holds(self, problem: Problem, values: Vector) -> bool:
-        """Is what is watched within the requirement?"""
+    def holds(self, problem: Problem, values: Vector, slack: float = 1.0) -> bool:
+        """Is what is watched within so many times the requirement?"""
         on = self.setup.watched
         off = rms(np.where(problem.rows.used, problem.residuals(values), np.nan)[:, on])
-        limit = self.setup.requirement * self.setup.sizes(problem.rows.y)[on]
+        limit = slack * self.setup.requirement * self.setup.sizes(problem.rows.y)[on]
         return bool((off <= limit).all())
 
     def editable(self, version: Version) -> tuple[str, ...]:

@@ -156,6 +156,8 @@ class TwinState(NamedTuple):
     live: Lane
     stream: Any
     """What the live version's parameters have learned in the stream; (): they stay."""
+    lives: np.ndarray
+    """Versions that were live and the row since which, the newest last; int64 (k, 2), −1: none."""
     first: Lane
     """The first champion, while another one is live."""
     other: Lane
