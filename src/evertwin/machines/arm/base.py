@@ -13,6 +13,7 @@ Gautier and Khalil, "Direct calculation of minimum set of inertial parameters of
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
 
@@ -27,6 +28,9 @@ from evertwin.types import Float64
 SMALL = 1e-5
 """What two columns differ by relative to their size, or one counts relative to the largest, that
 the digits of a description explain: they are one, or none."""
+
+KEPT = 2**26
+"""Bytes of columns that are kept at most."""
 
 
 @njit(cache=True)
@@ -50,6 +54,37 @@ def body_columns(
     out = np.empty((len(u), u.shape[1] // 3, len(flats)))
     _columns(geometry, np.array(flats, dtype=np.int64), np.ascontiguousarray(u), out)
     return out
+
+
+@dataclass
+class BodyColumns:
+    """The columns of tuned bodies. Those of the newest rows are kept, for a fit asks for them anew
+    at every shape of friction.
+
+    >>> BodyColumns(np.zeros(3 + 13 * 6), ()).of(np.zeros((2, 18))).shape
+    (2, 6, 0)
+    """
+
+    geometry: Float64[np.ndarray, " g"]
+    flats: tuple[int, ...]
+    """Inertial numbers that are parameters."""
+    payload: Float64[np.ndarray, "10 10"] | None = None
+    """The last link's numbers by the payload's; None: it is none of the parameters."""
+    _rows: Any = field(default=None, init=False)
+    _newest: Any = field(default=None, init=False)
+
+    def of(self, u: Float64[np.ndarray, "n nu"]) -> Float64[np.ndarray, "n ny k"]:
+        """Columns of the bodies, then the payload's ten; not to be written to."""
+        if self._rows is not None and np.array_equal(self._rows, u):
+            return np.asarray(self._newest)
+        parts = [body_columns(self.geometry, self.flats, u)]
+        if self.payload is not None:
+            first = BODY * (u.shape[1] // 3 - 1)
+            last = tuple(range(first, first + BODY))
+            parts.append(body_columns(self.geometry, last, u) @ self.payload)
+        found = np.concatenate(parts, axis=2)
+        self._rows, self._newest = (u.copy(), found) if found.nbytes <= KEPT else (None, None)
+        return found
 
 
 def base_parameters(

@@ -33,7 +33,7 @@ import numpy as np
 from evertwin.errors import UsageError
 from evertwin.machines.arm import kernel as compiled
 from evertwin.machines.arm import layout, linear
-from evertwin.machines.arm.base import base_parameters, body_columns
+from evertwin.machines.arm.base import BodyColumns, base_parameters
 from evertwin.machines.arm.chain import Chain, serial
 from evertwin.machines.arm.coupling import Coupling
 from evertwin.machines.arm.dh import robot_of, vector
@@ -231,7 +231,8 @@ class Arm(StaticMap):
 
     def __getstate__(self) -> dict[str, Any]:
         """Without what is computed: addresses mean nothing in another process."""
-        return {key: value for key, value in self.__dict__.items() if key != "_kernel"}
+        own = self.__dict__.items()
+        return {key: value for key, value in own if key not in ("_kernel", "_bodies")}
 
     def simulate(
         self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector
@@ -295,7 +296,7 @@ class Arm(StaticMap):
         if rest is not described:
             load = self._felt(batch(self.chain.geometry, described, joints))
         s = switches(motors, self._widths, p, self._standstill)
-        seen = self._felt(self._bodies(joints) if bodies else np.empty((*y0.shape, 0)))
+        seen = self._felt(self._bodies.of(joints) if bodies else np.empty((*y0.shape, 0)))
         turning = columns(self.shafts, motors, p, self._widths, self._standstill)
         return y0, motors, s, load, np.concatenate([seen, *turning], axis=2) if turning else seen
 
@@ -319,15 +320,10 @@ class Arm(StaticMap):
         q, v, a = np.split(u, 3, axis=1)
         return np.concatenate([q - late * (v - 0.5 * late * a), v - late * a, a], axis=1)
 
-    def _bodies(self, u: Inputs) -> Float64[np.ndarray, "n ny k"]:
-        """Columns of the chosen inertial numbers, then of the payload's."""
-        if not (self.base or self.payload):
-            return np.empty((len(u), self.chain.n, 0))
-        parts = [body_columns(self.chain.geometry, self.base, u)]
-        if self.payload:
-            last = tuple(BODY * (self.chain.n - 1) + k for k in range(BODY))
-            parts.append(body_columns(self.chain.geometry, last, u) @ self._payload_map)
-        return np.concatenate(parts, axis=2)
+    @cached_property
+    def _bodies(self) -> BodyColumns:
+        payload = self._payload_map if self.payload else None
+        return BodyColumns(self.chain.geometry, self.base, payload)
 
     def bodies(self, p: ParameterVector) -> Float64[np.ndarray, "ny 10"]:
         """The ten numbers of each link at ``p``, the payload's in the last."""
