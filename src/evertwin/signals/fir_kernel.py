@@ -49,8 +49,13 @@ def smooth(v: Outputs, half: Vector) -> Outputs:
     out = np.empty((n, width))
     column, filtered = np.empty(n), np.empty(n)
     for c in range(width):
+        empty = True  # as columns of links that a joint does not carry are
         for i in range(n):
             column[i], filtered[i] = v[i, c], np.nan
+            empty &= column[i] == 0.0
+        if empty:
+            out[:, c] = 0.0
+            continue
         i = 0
         while i < n:
             if column[i] != column[i]:
