@@ -14,16 +14,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from evertwin.doctor.check_numbers import changed, not_tuned, tuned
 from evertwin.doctor.examination import View
+from evertwin.doctor.factors import Factor, Hypothesis, scaled, suspects
 from evertwin.doctor.finding import Finding
 from evertwin.fold import Block, take
+from evertwin.gauges.clock_unit import stamped_in
 from evertwin.gauges.misread import ANSWERED, likeliest
 from evertwin.gauges.turned import WRONG as ASKEW
 from evertwin.gauges.turned import Numbered, angles_of, turned
@@ -31,15 +33,11 @@ from evertwin.gauges.unlike import Changes
 from evertwin.models import roll
 from evertwin.models.function import kernel_of
 from evertwin.rows.channels import recorded_as, unit_recorded
-from evertwin.signals import Layout
 from evertwin.signals.delay import Lag
-from evertwin.signals.mistaken import SIGN, numbers
 from evertwin.sync.horizon import restarts, trusted
 from evertwin.sync.lag import SharedLag, shared_lag
 from evertwin.types import ParameterVector, Vector
 
-MILLION = 1e6
-"""The one decimal prefix that `evertwin.signals.mistaken` does not try."""
 WRONG, BETTER = 0.6, 0.5
 """Mismatch from which units are doubted, and the share of it that a factor must remove."""
 MOST = 0.9
@@ -53,48 +51,21 @@ ROUNDS = 5
 """Times that numbers are tuned anew at a lag that was found."""
 
 
-@dataclass(frozen=True)
-class _Suspect:
-    """Columns that are scaled together."""
-
-    names: tuple[str, ...]
-    unit: str
-    u: tuple[int, ...]
-    y: tuple[int, ...]
-
-    def factors(self, recorded: str) -> Iterator[tuple[float, str]]:
-        """What a recording, said to be in ``recorded``, may have to be multiplied by, and what that
-        stands for."""
-        for number, told in numbers(self.unit, recorded):
-            if number == SIGN:
-                yield SIGN, "-1 (the sign is reversed)"
-            elif told == "a decimal prefix":
-                yield 1.0 / number, f"10^{-round(math.log10(number))}"
-            else:
-                said = f"{1.0 / number:.6g}" if number < 1.0 else f"1/{number:g}"
-                yield 1.0 / number, f"{said} ({told.replace(' for ', ' taken for ')})"
-        yield MILLION, "10^6"
-        yield 1.0 / MILLION, "10^-6"
-
-
-_Factor: TypeAlias = tuple[_Suspect, float]
-
-
 def look_units(view: View, figures: dict[str, Any]) -> list[Finding]:
     """Channels whose unit or sign does not fit the model."""
-    window, applied = _liveliest(view), tuple[_Factor, ...]()
+    window, applied = _liveliest(view), tuple[Factor, ...]()
     at_start = changed(view, view.version.p, window).mismatch
     found = [*_exchanged(view, window)] or [*_turned(view, at_start)]
     found += [] if found else _ranges(view, fits=bool((at_start <= WRONG).all()))
     figures["mismatch"] = dict(zip(view.model.outputs.names, at_start.tolist(), strict=True))
     for _ in range(0 if {"exchanged", "turned"} & {one.kind for one in found} else 4):
-        p = _numbers(view, partial(_scaled, by=applied))
-        seen = changed(view, p, _scaled(window, applied))
+        p = _numbers(view, partial(scaled, by=applied))
+        seen = changed(view, p, scaled(window, applied))
         before = seen.mismatch
         if not (before > WRONG).any():
             break
         best = _best(view, p, (window, applied), seen)
-        change = partial(_scaled, by=applied)
+        change = partial(scaled, by=applied)
         dynamic, sign = len(view.model.states) > 0, bool(best) and best[0].factor < 0
         if dynamic and not sign and (best or before.max() > MOST):
             left = best[0].after if best else before
@@ -137,34 +108,21 @@ def _turned(view: View, missed: Vector) -> Iterator[Finding]:
         )  # fmt: skip
 
 
-class _Hypothesis(NamedTuple):
-    """A factor on some channels, and the mismatch that it leaves."""
-
-    suspect: _Suspect
-    factor: float
-    said: str
-    after: Vector
-
-    @property
-    def text(self) -> str:
-        return f"{', '.join(self.suspect.names)} times {self.said}"
-
-
-def _told(view: View, best: list[_Hypothesis], before: Vector) -> Finding:
+def _told(view: View, best: list[Hypothesis], before: Vector) -> Finding:
     first, outputs = best[0], view.model.outputs.names
     better = [k for k in range(len(outputs)) if first.after[k] < 0.9 * before[k]]
     shown = ", ".join(f"{outputs[k]} {before[k]:.2f} -> {first.after[k]:.2f}" for k in better)
     names = " or ".join(", ".join(one.suspect.names) for one in best)
-    sign = first.factor < 0
+    sign, place = first.factor < 0, "[[source]] time" if first.suspect.time else "[source.channels]"
     step = (
         f"scale = -1 for {names} in [source.channels], if its direction is confirmed"
         if sign
-        else f"check the unit of {names} in [source.channels]"
+        else f"check the unit of {names} in {place}"
     )
     return Finding(
         "sign" if sign else "unit", first.suspect.names[0],
         f"{', or '.join(one.text for one in best)} fits the model: mismatch {shown}",
-        "[source.channels]", step,
+        place, step,
         {
             "before": before, "after": first.after,
             "hypotheses": [
@@ -236,49 +194,28 @@ def _numbers(
     return view.version.p if len(view.model.states) else tuned(view, change)
 
 
-def _scaled(window: Block, by: tuple[_Factor, ...]) -> Block:
-    u, y = window.u.copy(), window.y.copy()
-    for suspect, factor in by:
-        u[:, suspect.u] *= factor
-        y[:, suspect.y] *= factor
-    return window._replace(u=u, y=y)
-
-
-def _suspects(inputs: Layout, outputs: Layout) -> list[_Suspect]:
-    """Single channels first, then channels that share a unit."""
-    out = [_Suspect((one.name,), one.unit, (k,), ()) for k, one in enumerate(inputs)]
-    out += [_Suspect((one.name,), one.unit, (), (k,)) for k, one in enumerate(outputs)]
-    for layout, side in ((inputs, "u"), (outputs, "y")):
-        for unit in dict.fromkeys(layout.units):
-            where = tuple(k for k, other in enumerate(layout.units) if other == unit)
-            if len(where) > 1:
-                names = tuple(layout.names[k] for k in where)
-                u, y = (where, ()) if side == "u" else ((), where)
-                out.append(_Suspect(names, unit, u, y))
-    return out
-
-
 def _best(
-    view: View, p: ParameterVector, rows: tuple[Block, tuple[_Factor, ...]], seen: Changes
-) -> list[_Hypothesis]:
+    view: View, p: ParameterVector, rows: tuple[Block, tuple[Factor, ...]], seen: Changes
+) -> list[Hypothesis]:
     """What removes most, and what explains it as well; empty where nothing removes enough."""
     (window, applied), before = rows, seen.mismatch
     wrong, least = before > WRONG, ANSWERED * np.count_nonzero(seen.known)
     found = []
-    for suspect in _suspects(view.model.inputs, view.model.outputs):
+    for suspect in suspects(view.model.inputs, view.model.outputs, stamped_in(view.setup.spec)):
         if suspect.y and not wrong[list(suspect.y)].all():
             continue
-        recorded = unit_recorded(view.setup.spec, suspect.names[0])
+        spec = view.setup.spec
+        recorded = suspect.unit if suspect.time else unit_recorded(spec, suspect.names[0])
         for factor, said in suspect.factors(recorded):
             by = (*applied, (suspect, factor))
-            q = _numbers(view, partial(_scaled, by=by)) if factor < 0 else p
-            scaled = changed(view, q, _scaled(window, by))
-            if np.count_nonzero(scaled.known) < least:
+            q = _numbers(view, partial(scaled, by=by)) if factor < 0 else p
+            seen = changed(view, q, scaled(window, by))
+            if np.count_nonzero(seen.known) < least:
                 continue  # the model has no answer to it: that explains nothing
-            after = scaled.mismatch
+            after = seen.mismatch
             helped = (after < BETTER * before) & wrong
             if helped.any() and (after <= before + 0.1).all():
-                found.append(_Hypothesis(suspect, factor, said, after))
+                found.append(Hypothesis(suspect, factor, said, after))
     if not found:
         return []
     left = min(float(one.after.sum()) for one in found)

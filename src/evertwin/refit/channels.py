@@ -7,13 +7,16 @@ from typing import Any, NamedTuple
 
 from evertwin.errors import DataError, ModelError
 from evertwin.gauges.change import suddenly
+from evertwin.gauges.clock_unit import of_the_clock
 from evertwin.gauges.elsewhere import elsewhere
 from evertwin.gauges.gauge import misgauged, reread
 from evertwin.gauges.input_alike import alike_inputs
+from evertwin.gauges.misread import misread
 from evertwin.gauges.offset import leapt
 from evertwin.gauges.output_shift import shifted_output
 from evertwin.gauges.sensor_change import SensorChange
 from evertwin.gauges.stuck import stuck
+from evertwin.gauges.turned import of_an_angle
 from evertwin.ledger.caveats import caveats_of
 from evertwin.refit.tuner import ENOUGH, Tuner
 from evertwin.setup.task import Task
@@ -29,6 +32,12 @@ def caveats(task: Task, content: dict[str, Any]) -> None:
     old, new = (caveats_of(reason) for reason in (task.version.reason, found["reason"]))
     kept = [said for channel, said in old.items() if channel not in new]
     found["reason"] = "; ".join([found["reason"], *kept])
+
+
+def of_what_is_read(*rows: Any) -> SensorChange | None:
+    """A reading, an angle or a unit of time that explains the ``rows`` of a machine that never
+    held, as no tuning does; the arguments are those of `of_the_clock`."""
+    return misread(*rows) or of_an_angle(*rows) or of_the_clock(*rows)
 
 
 class Asked(NamedTuple):

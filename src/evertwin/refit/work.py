@@ -25,7 +25,6 @@ from evertwin.gauges.misread import misread
 from evertwin.gauges.refuted import refuted
 from evertwin.gauges.silent import silent
 from evertwin.gauges.stuck import stuck
-from evertwin.gauges.turned import of_an_angle
 from evertwin.ledger.versions import Versions
 from evertwin.machines.friction.resisting import not_physical
 from evertwin.models import Model
@@ -39,7 +38,7 @@ from evertwin.refit.answering import (
     of_a_sensor,
     undone,
 )
-from evertwin.refit.channels import caveats, of_a_channel
+from evertwin.refit.channels import caveats, of_a_channel, of_what_is_read
 from evertwin.refit.correcting import sought
 from evertwin.refit.fewest import fewest
 from evertwin.refit.judgement import judged, numbers_first, of_the_form, partly
@@ -226,8 +225,9 @@ class Work(Tuner):
         else:
             every, pose = self.editable(version), (self.setup, problem, fit)
             verdict = judged(*pose) if len(names) == len(every) else partly(names, every)
-        new = verdict.kind == "abnormal" and not (commissioned or verdict.alone)
-        if new and (other := misread(*rows, fit.p) or of_an_angle(*rows, fit.p)):
+        reached = verdict.kind != "abnormal" and self.holds(problem, fit.values)
+        new = not (commissioned or verdict.alone or reached)
+        if new and (other := of_what_is_read(*rows, fit.p)):
             return of_a_sensor(other, *events) | since
         much = verdict.kind == "abnormal" or explained(fit, fit.noise) >= MUCH
         other, alike = of_a_channel(self, task, tuned, names, told=much)

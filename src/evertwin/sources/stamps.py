@@ -30,7 +30,7 @@ NO_STAMP = int(np.iinfo(np.int64).min)
 
 UNITS = {"s": 9, "ms": 6, "us": 3, "ns": 0}
 """Power of ten that turns one unit into nanoseconds; beside them stand the `ORDERS` of dates."""
-_LONG = {"min": 60, "h": 3600}
+LONG = {"min": 60, "h": 3600}
 """Seconds of the units that are no power of ten."""
 
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?", re.ASCII)
@@ -57,7 +57,7 @@ def seconds_of(unit: str) -> float | None:
     """
     if unit in UNITS:
         return float(10.0 ** (UNITS[unit] - 9))
-    return float(_LONG[unit]) if unit in _LONG else None
+    return float(LONG[unit]) if unit in LONG else None
 
 
 def is_decimal(unit: str) -> bool:
@@ -66,7 +66,7 @@ def is_decimal(unit: str) -> bool:
     >>> is_decimal("ms"), is_decimal("iso"), is_decimal("auto")
     (True, False, False)
     """
-    return unit in UNITS or unit in _LONG
+    return unit in UNITS or unit in LONG
 
 
 def to_ns(raw: np.ndarray, unit: str) -> Stamps:
@@ -90,9 +90,9 @@ def to_ns(raw: np.ndarray, unit: str) -> Stamps:
         cells = (_date(bytes(cell), unit, i) for i, cell in enumerate(raw.tolist()))
         return np.array(list(cells), dtype=np.int64)
     if not is_decimal(unit):
-        known = ", ".join([*UNITS, *_LONG, *ORDERS])
+        known = ", ".join([*UNITS, *LONG, *ORDERS])
         raise UsageError(f"time unit: expected one of {known}; got {unit!r}")
-    power, seconds = UNITS.get(unit, 9), _LONG.get(unit, 1)
+    power, seconds = UNITS.get(unit, 9), LONG.get(unit, 1)
     if raw.dtype.kind == "S" and seconds > 1:
         cells = (_decimal(bytes(cell), power, i, seconds) for i, cell in enumerate(raw.tolist()))
         return np.array(list(cells), dtype=np.int64)
