@@ -212,3 +212,15 @@ def test_of_friction_only_the_sum_has_to_resist(root: float) -> None:
     rows = make_block(t=np.arange(21) * 10**8, u=u, y=np.zeros((21, 1)))
     assert not passive(axis, p, {"Fv": 11.8, "Fc": 13.5})
     assert bool(not_physical(axis, p, (rows,))) == (root < 0)
+
+
+@pytest.mark.parametrize("joint", [1, 3, 5])
+def test_a_joint_of_which_no_row_tells_leaves_the_others_tuned(joint: int) -> None:
+    """As one that stands all the while, where rows count that move."""
+    arm, rows = Arm.of("ur5_like", "tanh", base=True), measured("tanh", {"Fc": 5.0, "Fv": 4.0})
+    rows.y[:, joint] = np.nan
+    fit = solve(Problem(arm, (rows,), arm.parameters.editable))
+    assert np.isfinite(fit.values).all() and fit.converged
+    others = [k for k in range(1, 6) if k != joint]
+    assert [fit[f"Fv{k + 1}"] for k in others] == pytest.approx([4.0] * 4, rel=0.1)
+    assert fit.verdict[fit.names.index(f"Fc{joint + 1}")] == "not"

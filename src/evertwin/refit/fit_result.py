@@ -46,6 +46,8 @@ class Held(NamedTuple):
     """What may help where it is not reached."""
     failed: Failed | None = None
     """Rows that the model could not compute: whether it is reached there, nobody knows."""
+    silent: tuple[str, ...] = ()
+    """Watched outputs of which no row counts, as where a joint stands."""
 
     @property
     def reached(self) -> bool:
@@ -78,9 +80,9 @@ class Held(NamedTuple):
         if self.failed and not far:
             rows = f"{self.failed.rows} of {self.failed.of}"
             reached = f"not known at {rows} rows, that the model could not compute; at the others"
-        return f"requirement {where}: {reached}: {told}" + (
-            f"; {self.advice}" if far and self.advice else ""
-        )
+        advice = f"; {self.advice}" if far and self.advice else ""
+        silent = f"; no row tells of {', '.join(self.silent)}" if self.silent else ""
+        return f"requirement {where}: {reached}: {told}{silent}{advice}"
 
 
 @dataclass(frozen=True)

@@ -292,7 +292,9 @@ def _held(
         if setup.watched[k] and math.isfinite(off[k])
     }
     advice = "" if setup.static or setup.spec.correction.in_fit else SEEK
-    return Held(setup.requirement, setup.relative, bool(seen[1]), outputs, advice, failed)
+    names = zip(model.outputs.names, setup.watched, strict=True)
+    silent = tuple(name for name, asked in names if asked and name not in outputs)
+    return Held(setup.requirement, setup.relative, bool(seen[1]), outputs, advice, failed, silent)
 
 
 def _spoiled(model: Model, tasks: tuple[Block, ...]) -> dict[str, int]:

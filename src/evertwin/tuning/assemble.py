@@ -70,6 +70,8 @@ def rms(values: Outputs) -> PerOutput:
     return np.asarray(np.sqrt(mean))
 
 
+LEAST = 1e-150
+"""Noise of what no row tells: its square still is a number."""
 ALIKE = 1.01
 """Times what a search leaves that the same may leave with what it did not tell put back."""
 
@@ -125,7 +127,7 @@ def noise_of(problem: Problem, left: Squares, parameters: PerOutput) -> PerOutpu
         sigma = np.array([1.4826 * np.median(size) if len(size) else 0.0 for size in sizes])
     # Exact data: below the rounding of the measurement nothing is known about the noise.
     measured = np.sqrt(left.measured / np.maximum(left.rows, 1.0))
-    return np.asarray(np.maximum(sigma, 1e-12 * measured + 1e-300))
+    return np.asarray(np.maximum(sigma, 1e-12 * measured + LEAST))
 
 
 def sizes_of(problem: Problem, acting: Sensitivity, values: Vector) -> Vector:
