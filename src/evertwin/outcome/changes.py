@@ -60,10 +60,14 @@ def in_words(
     'mass 80 → 110 kg, Fc 12 → 12.1 N'
     >>> in_words([("k", 0.222, 0.121)], {"k": "1"}, {}, steps={"k": [0.0257]})
     'k 0.222 → 0.0257 → 0.121'
+    >>> in_words([("a", 0.0, 9.0), ("b", 0.0, 2.0)], {"a": "1", "b": "1"}, {},
+    ...          steps={"a": [9.0], "b": [1.0]})
+    'b 0 → 1 → 2, a 0 → 9'
     """
 
     def size(move: Move) -> tuple[bool, float]:
-        name, old, now = move
+        name, first, now = move
+        old = [first, *(steps or {}).get(name, ())][-1]  # what the newest version moved comes first
         half = halves.get(name, math.inf)
         half = half if known and half > 0.0 else max(abs(old), abs(now), 1e-300)
         return name not in weak, abs(now - old) / half

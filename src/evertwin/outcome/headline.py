@@ -23,6 +23,7 @@ from evertwin.outcome.nothing_better import CLEAR, nothing_better, of_a_sensor, 
 from evertwin.outcome.open_faults import open_faults
 from evertwin.outcome.open_trial import OpenTrial, shorter
 from evertwin.outcome.result import OutputFigures
+from evertwin.rows.ring import called
 from evertwin.setup.setup import Setup
 from evertwin.signals.spoken import both, share, spoken
 from evertwin.sources.tally import Tally
@@ -38,6 +39,8 @@ SELDOM = 0.003
 """Share of the rows below which single contradictions are a rough model's."""
 OFTEN = 10
 """Contacts in a run from which on it is said that they may be none."""
+NEWEST = 2
+"""Windows of a deviation before the end in which one that is told goes on."""
 ROUGH = 3.0
 """A jump of fewer times what the model is off by is no news of its sensor."""
 LATEST = ("state", "followed", "alternates")
@@ -223,9 +226,11 @@ def _outcome(
     still, asked = "", _asked(setup, known)
     if off:
         still = f" Still, {_off(setup, off)}, and {found}."
+    elif again := _again(setup, versions[0], events, measured):
+        still = f" Still, {again}, and {found}."
     if champion.number and better:
         less = f" ({_pairs(setup, worse)}: worse)" if worse else ""
-        fits = "fits its machine now" if asked and not off else "is closer to its machine"
+        fits = "fits its machine now" if asked and not still else "is closer to its machine"
         return (
             f"The twin {fits}: {_pairs(setup, better)}{less}{lead}{asked if not off else ''}, "
             f"over rows that it had not seen. {why}.{still}"
@@ -264,6 +269,16 @@ def _outcome(
         f"Over all rows the twin is within what is asked: {now}{lead}{asked}; but "
         f"{why if last.reason != found else ''}{found}."
     )
+
+
+def _again(setup: Setup, live: Version, events: Sequence[Event], measured: int) -> str:
+    """What was suspected of the live version last, near the end of the rows; else nothing."""
+    went = [e.row for e in events if e.evidence.get("version") == live.number]
+    found = [e for e in events if went and e.kind == "suspected" and e.row > max(went)]
+    if not found or max(measured, events[-1].row) - found[-1].row > NEWEST * setup.enough:
+        return ""
+    times = f"{len(found)} time{'s' * (len(found) > 1)}"
+    return f"it was suspected {times} since, last at {called(found[-1].row)} ({found[-1].reason})"
 
 
 def _off(setup: Setup, off: Mapping[str, OutputFigures]) -> str:

@@ -5,22 +5,32 @@ from __future__ import annotations
 from functools import partial
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from evertwin.errors import DataError, ModelError
+from evertwin.gauges import in_words
 from evertwin.gauges.change import suddenly
 from evertwin.gauges.clock_unit import of_the_clock
 from evertwin.gauges.elsewhere import elsewhere
 from evertwin.gauges.gauge import misgauged, reread
 from evertwin.gauges.input_alike import alike_inputs
+from evertwin.gauges.late_outputs import late_outputs
 from evertwin.gauges.misread import misread
 from evertwin.gauges.offset import leapt
 from evertwin.gauges.output_shift import shifted_output
 from evertwin.gauges.sensor_change import SensorChange
 from evertwin.gauges.stuck import stuck
 from evertwin.gauges.turned import of_an_angle
-from evertwin.ledger.caveats import caveats_of
+from evertwin.ledger.caveats import SAME, SENSOR, caveats_of
 from evertwin.refit.tuner import ENOUGH, Tuner
+from evertwin.setup.setup import Setup
 from evertwin.setup.task import Task
 from evertwin.tuning import Fit, Problem
+
+FEW = 4
+"""Numbers up to which it is asked whether they are a constant alone."""
+CONSTANT = 1e-6
+"""Share by which what a constant makes differs from row to row."""
 
 
 def caveats(task: Task, content: dict[str, Any]) -> None:
@@ -38,6 +48,22 @@ def of_what_is_read(*rows: Any) -> SensorChange | None:
     """A reading, an angle or a unit of time that explains the ``rows`` of a machine that never
     held, as no tuning does; the arguments are those of `of_the_clock`."""
     return misread(*rows) or of_an_angle(*rows) or of_the_clock(*rows)
+
+
+def of_a_bias(setup: Setup, problem: Problem, fit: Fit) -> str:
+    """What a sensor would have to be off by, where all that was tuned of an output is a constant
+    on it: of a few numbers, as a caveat."""
+    if len(fit.names) > FEW:
+        return ""
+    effect = problem.jacobian(fit.values) * (fit.values - fit.start)
+    for k, channel in enumerate(problem.model.outputs.channels):
+        seen = effect[problem.rows.used[:, k], k]
+        acting = seen[:, (seen != 0.0).any(axis=0)]
+        by = acting.sum(axis=1)
+        if len(by) and by.any() and np.ptp(acting, axis=0).max() <= CONSTANT * np.abs(by).max():
+            said = in_words.difference(setup, channel, float(by[-1]))
+            return f"; {SENSOR}{channel.name} that is off by {said} {SAME}"
+    return ""
 
 
 class Asked(NamedTuple):
@@ -59,6 +85,8 @@ def of_a_channel(
     whether an input stays where it is, or what an output is off by explains a deviation."""
     if not task.commissioned:
         return Asked(_reread(tuner, task, names))
+    if told and (late := late_outputs(*tuned)):
+        return Asked(late)
     rows = tuner.rows(task, *tuned)
     still = stuck(rows, reached=tuner.holds(tuned[0], tuned[1].values))
     found = misgauged(rows, still) if told else still

@@ -3,7 +3,8 @@
 Rows at one operating point are explained by many numbers at once, each of them far from what it
 was, and elsewhere none of that holds. A machine that held, and changed, most likely changed in one
 number. So numbers are let go one after the other, the one that explains most first, and of several
-that explain as much the one that has to change least, until they leave about what all do.
+that explain as much the one that has to change least, until they leave about what all do. Of many,
+those that act on outputs alone which are as they were, such as friction of other joints, stay.
 """
 
 from __future__ import annotations
@@ -37,6 +38,9 @@ def fewest(setup: Setup, problem: Problem, fit: Fit, tune: Tune) -> tuple[Proble
     """
     begins = beginning(problem.model, problem.names)
     names = tuple(name for name in problem.names if name not in begins)
+    if len(names) > MANY and fit.converged:
+        problem, fit = _of_what_changed(setup, problem, fit, tune)
+        names = tuple(name for name in problem.names if name not in begins)
     if not (1 < len(names) <= MANY and fit.converged):
         return problem, fit
     used, start = problem.rows.used, residual(problem, problem.start)
@@ -74,6 +78,20 @@ def fewest(setup: Setup, problem: Problem, fit: Fit, tune: Tune) -> tuple[Proble
         if left <= enough and not (reached and falls_short(setup, posed, found)):
             return posed, found
     return problem, fit
+
+
+def _of_what_changed(setup: Setup, problem: Problem, fit: Fit, tune: Tune) -> tuple[Problem, Fit]:
+    """Tuned without the numbers that act on no output which is off by more than is asked."""
+    start = np.where(problem.rows.used, residual(problem, problem.start), np.nan)
+    slack = max(setup.enough / len(start), 1.0)  # few rows tell less of how far off an output is
+    limit = slack * np.square(setup.requirement * setup.sizes(problem.rows.y))
+    changed = np.nanmean(np.square(start), axis=0) > limit
+    acts = problem.sensitivity(fit.values).acts[changed].any(axis=0)
+    if not acts.any() or acts.all():
+        return problem, fit
+    kept = tuple(name for name, on in zip(problem.names, acts, strict=True) if on)
+    posed, found, _ = tune(problem.tuning(kept))
+    return (posed, found) if found.converged else (problem, fit)
 
 
 def _moved(problem: Problem, fit: Fit, name: str) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -26,13 +26,13 @@ NAMED = 6
 """Parameters that are named one by one."""
 
 
-def partly(names: Sequence[str], editable: Sequence[str]) -> Verdict:
-    """Of a tuning of some of the parameters: which, and that the others wait.
+def partly(names: Sequence[str], others: Collection[str]) -> Verdict:
+    """Of a tuning of some of the parameters: which, and that the ``others`` wait.
 
-    >>> partly(("Fc1", "Fv1"), ("Fc1", "Fv1", "mass")).reason
+    >>> partly(("Fc1", "Fv1"), {"mass"}).reason
     'only Fc1, Fv1 were due to be fitted this time; the 1 other keeps its value'
     """
-    rest, more = len(editable) - len(names), len(names) - NAMED
+    rest, more = len(others), len(names) - NAMED
     told = ", ".join(names[:NAMED]) + (f" and {more} more" if more > 0 else "")
     kept = f"the {rest} others keep their values" if rest > 1 else "the 1 other keeps its value"
     due = "were" if len(names) > 1 else "was"

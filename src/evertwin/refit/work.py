@@ -38,7 +38,7 @@ from evertwin.refit.answering import (
     of_a_sensor,
     undone,
 )
-from evertwin.refit.channels import caveats, of_a_channel, of_what_is_read
+from evertwin.refit.channels import caveats, of_a_bias, of_a_channel, of_what_is_read
 from evertwin.refit.correcting import sought
 from evertwin.refit.fewest import fewest
 from evertwin.refit.judgement import judged, numbers_first, of_the_form, partly
@@ -223,8 +223,9 @@ class Work(Tuner):
         if rounds and fit.converged:
             verdict = Verdict("normal", "", f"tuned by rounds: {fit.message}")
         else:
-            every, pose = self.editable(version), (self.setup, problem, fit)
-            verdict = judged(*pose) if len(names) == len(every) else partly(names, every)
+            once = self.setup.once if commissioned else ()
+            rest = set(self.editable(version)).difference(names, once)
+            verdict = partly(names, rest) if rest else judged(self.setup, problem, fit)
         reached = verdict.kind != "abnormal" and self.holds(problem, fit.values)
         new = not (commissioned or verdict.alone or reached)
         if new and (other := of_what_is_read(*rows, fit.p)):
@@ -238,6 +239,7 @@ class Work(Tuner):
         events += [goes_on(problem.windows)] if fit is not tuned[1] else []
         if commissioned and not rounds:
             problem, fit = fewest(self.setup, problem, fit, self.tune)
+            alike = alike or of_a_bias(self.setup, problem, fit)
         fit, said = self.sure(problem, fit, verdict, alike)
         events += said
         part = explained(fit, fit.noise)
