@@ -252,6 +252,16 @@ def _outcome(
     if math.isfinite(setup.requirement) and all(math.isnan(f.judged) for f in known.values()):
         lead = lead.replace(" while it moves", " at rest")
         return f"Nothing moved, so whether the twin fits cannot be told: {now}{lead}."
+    return _calm(setup, known, (versions[0], events), (now, lead, asked, found))
+
+
+def _calm(
+    setup: Setup, known: Mapping[str, OutputFigures], seen: tuple[Version, Sequence[Event]],
+    said: tuple[str, str, str, str],
+) -> str:  # fmt: skip
+    """Of a version that is within what is asked over all rows: ``seen`` are it and the events,
+    ``said`` what it is off by, how far ahead, what is asked, and what was found."""
+    (live, events), (now, lead, asked, found) = seen, said
     known_again = [one.row for one in (returned(events),) if one]
     named = max([*known_again, *(e.row for e in events if e.kind == "state")], default=-1)
     kinds = ("suspected", "drift", "abnormal")
@@ -260,7 +270,7 @@ def _outcome(
         more = "nothing else" if named >= 0 or _last(events, "followed") else "nothing"
         free = [name for name, f in known.items() if math.isnan(f.judged)]
         rest = f" No limit is asked of {', '.join(free)}." if free else ""
-        again = " again" if went_back(events, versions[0].number) else f", and {more} was changed"
+        again = " again" if went_back(events, live.number) else f", and {more} was changed"
         return f"The twin fits its machine{again}: {now}{lead}{asked}.{rest}"
     last = doubts[-1]
     times = f"{len(doubts)} time{'s' * (len(doubts) > 1)}"

@@ -39,8 +39,23 @@ def partly(names: Sequence[str], others: Collection[str]) -> Verdict:
     return Verdict("normal", "", f"only {told} {due} due to be fitted this time; {kept}")
 
 
-def judged(setup: Setup, problem: Problem, fit: Fit) -> Verdict:
-    """Normal, abnormal or noise, with the cause that explains most; and what a form waits for."""
+def judged(
+    setup: Setup, problem: Problem, fit: Fit, rest: Collection[str], *, rounds: bool
+) -> Verdict:
+    """Normal, abnormal or noise, with the cause that explains most; and what a form waits for.
+
+    Args:
+        setup: of the twin.
+        problem: what was tuned.
+        fit: its tuning.
+        rest: numbers that wait for their turn.
+        rounds: was it tuned by rounds, as an arm's bodies are?
+    """
+    if rounds and fit.converged:
+        return Verdict("normal", "", f"tuned by rounds: {fit.message}")
+    if rest:
+        begins = beginning(problem.model, fit.names)
+        return partly([name for name in fit.names if name not in begins], rest)
     found = _judged(setup, problem, fit)
     seconds = too_early(setup, problem) if found.kind == "abnormal" else 0.0
     if not seconds:

@@ -41,7 +41,7 @@ from evertwin.refit.answering import (
 from evertwin.refit.channels import caveats, of_a_bias, of_a_channel, of_what_is_read
 from evertwin.refit.correcting import sought
 from evertwin.refit.fewest import fewest
-from evertwin.refit.judgement import judged, numbers_first, of_the_form, partly
+from evertwin.refit.judgement import judged, numbers_first, of_the_form
 from evertwin.refit.named_cause import named_first
 from evertwin.refit.newest import after, newer, newest
 from evertwin.refit.physical import embodied, passive
@@ -220,12 +220,10 @@ class Work(Tuner):
         if commissioned and not rounds:
             own = tuple(n for n in problem.names if n in model.parameters.names)
             problem, fit = newest(*tuned, partial(self.problem, version, names=own), self.tune)
-        if rounds and fit.converged:
-            verdict = Verdict("normal", "", f"tuned by rounds: {fit.message}")
-        else:
-            once = self.setup.once if commissioned else ()
-            rest = set(self.editable(version)).difference(names, once)
-            verdict = partly(names, rest) if rest else judged(self.setup, problem, fit)
+        rest = set(self.editable(version)).difference(
+            names, self.setup.once if commissioned else ()
+        )
+        verdict = judged(self.setup, problem, fit, rest, rounds=bool(rounds))
         reached = verdict.kind != "abnormal" and self.holds(problem, fit.values)
         new = not (commissioned or verdict.alone or reached)
         if new and (other := of_what_is_read(*rows, fit.p)):
