@@ -25,7 +25,7 @@ from evertwin.loop.going_live import goes_live, recovered, switched
 from evertwin.loop.heeding import heed
 from evertwin.loop.in_stream import tell_followed
 from evertwin.loop.looking import adopted, in_vain, looks, returned
-from evertwin.loop.requirement import deviates, foreseen, heard
+from evertwin.loop.requirement import deviates, foreseen, heard, rises
 from evertwin.loop.succession import clears, driven, in_doubt, makes_room, opening, to_blame
 from evertwin.loop.unanswered import unanswered
 from evertwin.models.form import Form
@@ -133,6 +133,8 @@ class Decide:
         reason, signal, evidence = deviates(setup, state, task_end)
         alarm, state = heard(setup, state, whole=reason is not None)
         decision.state = state
+        rises(decision, setup, whole=reason is not None)
+        state = decision.state
         if reason is not None:
             watch, seen = new_sums(len(state.scores.watch.samples)), np.zeros(1, dtype=np.int64)
             scores = state.scores._replace(watch=watch, seen=seen)
@@ -165,7 +167,8 @@ class Decide:
         due = every or again > 0 or last
         if reason or alarm.kind or due:
             makes_room(setup, decision)
-        free = self._free(decision.state, bool(reason or alarm.kind), every)
+        worse = bool(reason or alarm.kind or state.agenda.risen)
+        free = self._free(decision.state, worse, every)
         if reason is None and not alarm.kind:
             early, signal, evidence = foreseen(setup, state)
             decision.remember(told=state.agenda.told or bool(early))
@@ -265,6 +268,8 @@ class Decide:
         content: Any = in_doubt(decision, setup, to_blame(decision, answer.content))
         waits = agenda.again > 0 and ("waits" in content or agenda.kind in ("state", "refine"))
         decision.remember(open=0, again=agenda.again if waits else 0)
+        if agenda.kind == "fit" and not waits:
+            decision.remember(risen=0)
         for event in content.get("events", ()):
             decision.say(event["kind"], event["signal"], event["reason"], event["evidence"])
         if content.get("refused"):

@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from evertwin.anomaly import Rise
+from evertwin.loop.decision import Decision
 from evertwin.loop.follow import NONE, early
 from evertwin.setup.detectors import Alarm
 from evertwin.setup.deviation import Sums, judged_deviation, limits
@@ -21,18 +23,36 @@ def heard(setup: Setup, state: TwinState, *, whole: bool) -> tuple[Alarm, TwinSt
     """The detectors' alarm if it matters, and the state without it; it is dropped, too, if it did
     not matter in a ``whole`` window behind it."""
     alarm, begins = state.detect.pending, state.row - int(state.scores.seen[0])
-    matters = bool(alarm.kind) and _matters(setup, state, alarm)
+    matters = bool(alarm.kind) and _matters(setup, state, alarm.signal)
     if matters or (whole and alarm.row <= begins):
         state = state._replace(detect=state.detect._replace(pending=Alarm()))
     return alarm if matters else Alarm(), state
 
 
-def _matters(setup: Setup, state: TwinState, alarm: Alarm) -> bool:
+def rises(decision: Decision, setup: Setup, *, whole: bool) -> None:
+    """A deviation that was told of has become a larger one, by enough: it is told, and asked about
+    at once, but for open work, of which the rows are older."""
+    state = decision.state
+    rise, begins = state.detect.risen, state.row - int(state.scores.seen[0])
+    if not rise.name or state.agenda.open:
+        return
+    matters = state.agenda.told and _matters(setup, state, rise.name)
+    if matters or (whole and rise.row <= begins):
+        decision.state = state._replace(detect=state.detect._replace(risen=Rise()))
+    if matters:
+        reason = f"{rise.name} is off by {rise.times:.2g} times what it was before row {rise.first}"
+        evidence = {"first": rise.first, "rows": state.row - rise.first, "times": rise.times}
+        decision.say("suspected", rise.name, reason, evidence)
+        row, hold = state.row, min(state.agenda.hold, state.row)
+        decision.remember(risen=row, again=row, hold=hold)
+
+
+def _matters(setup: Setup, state: TwinState, signal: str) -> bool:
     """Has the deviation over a window grown by enough, were the rows as before that have not come
     yet? Squares are compared."""
     if not np.isfinite(setup.requirement):
         return True
-    scores, k = state.scores, setup.model.outputs.index(alarm.signal)
+    scores, k = state.scores, setup.model.outputs.index(signal)
     if scores.watch.samples[k] == 0:  # nothing moved: it cannot be told yet
         return False
     past = Sums(*(a - b for a, b in zip(scores.live_moving, scores.watch, strict=True)))

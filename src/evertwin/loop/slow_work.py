@@ -52,7 +52,8 @@ class SlowWork:
         request = Request(agenda.open, agenda.kind, version.number, state.row, agenda.due, window)
         rival = self.work.versions[agenda.rival] if agenda.rival else None
         task = Task(
-            agenda.kind, version, rows, agenda.tunings, agenda.held, agenda.again > 0, rival,
+            agenda.kind, version, rows, agenda.tunings, agenda.held or agenda.risen > agenda.start,
+            agenda.again > 0, rival,
             agenda.commissioned, agenda.cause, earlier,
             None if version.parent is None else self.work.versions[version.parent],
             Doubt(agenda.doubt, agenda.doubted, agenda.doubted_at),

@@ -157,14 +157,15 @@ class Work(Tuner):
         if "sensor" in content:
             return content
         if found is not None:
-            unseen = after(task.windows, rival.row)
+            unseen = after(task.windows, max(rival.row, content.get("since", rival.row)))
             rows = newer(unseen, self.setup.enough) or task.windows
             new = left(self.setup, *self._made(task.version, found), rows, self.known)
             gain = MUCH if self._pays(task, rival, unseen) else self.setup.trial.margin
             if np.nanmean(new / self.left(rival, rows)) <= 1.0 - gain:
                 return content
-        keys = ("next", "lacking", *(("fit", "against") if task.kind == "fit" else ()))
-        return {"events": []} | {k: content[k] for k in keys if k in content}
+        keys = ("next", "lacking", "since", *(("fit", "against") if task.kind == "fit" else ()))
+        kept = [one for one in content["events"] if one["kind"] == "changed"]
+        return {"events": kept} | {k: content[k] for k in keys if k in content}
 
     def _pays(self, task: Task, rival: Version, unseen: Windows) -> bool:
         """Is the rival better than the live version on the rows that came after it?"""

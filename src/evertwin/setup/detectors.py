@@ -20,7 +20,9 @@ from evertwin.anomaly import (
     CusumState,
     Drift,
     DriftState,
+    Level,
     Residuals,
+    Rise,
     SnrLimit,
     SnrState,
 )
@@ -69,7 +71,7 @@ class DetectState(NamedTuple):
 
     >>> DetectState._fields
     ('cusum', 'drift', 'snr', 'told', 'pending', 'false', 'calm',
-    'since', 'watched', 'tried')
+    'since', 'watched', 'level', 'risen', 'tried')
     """
 
     cusum: CusumState
@@ -89,6 +91,10 @@ class DetectState(NamedTuple):
     """Rows that had been watched at the newest of them, int64 (ny, 2)."""
     watched: int
     """Rows in which alarms could come."""
+    level: np.ndarray
+    """What each output is usually off by (`evertwin.anomaly.level`)."""
+    risen: Rise
+    """The newest rise of that which was not yet acted on."""
     tried: int = 0
     """Calm rows at the last attempt to calibrate on a span that the twin file sets."""
 
@@ -104,6 +110,7 @@ class Detect:
     cusum: Cusum
     drift: Drift
     snr: SnrLimit
+    level: Level
     columns: tuple[int, ...]
     """Outputs that are watched."""
     use_snr: bool
@@ -125,7 +132,7 @@ class Detect:
         limit = SnrLimit(chosen, spec.snr or 6.0, phases=phases, orders=calm.orders)
         return cls(
             Cusum(chosen, calm, phases), Drift(chosen, phases=phases, orders=calm.orders), limit,
-            columns, spec.snr > 0, spec.calibration,
+            Level.of(names, watched), columns, spec.snr > 0, spec.calibration,
         )  # fmt: skip
 
     def init(self) -> DetectState:
@@ -134,7 +141,7 @@ class Detect:
         told, none = np.full(ny, -QUIET, dtype=np.int64), np.zeros((ny, 2), dtype=np.int64)
         return DetectState(
             self.cusum.init(), self.drift.init(), self.snr.init(), told, Alarm(), none,
-            np.zeros((ny, 3)), none.copy(), 0,
+            np.zeros((ny, 3)), none.copy(), 0, self.level.init(), Rise(),
         )  # fmt: skip
 
     def anew(self, state: DetectState) -> DetectState:
@@ -146,6 +153,12 @@ class Detect:
 
     def step(self, state: DetectState, rows: Released) -> tuple[DetectState, tuple[Event, ...]]:
         """More rows; consumes ``state``."""
+        counts = rows.moving & ~rows.outside[:, None]
+        level, risen = self.level.step(state.level, rows.row, rows.live, counts, rows.end)
+        return self._limits(state._replace(level=level, risen=(state.risen, *risen)[-1]), rows)
+
+    def _limits(self, state: DetectState, rows: Released) -> tuple[DetectState, tuple[Event, ...]]:
+        """What is beyond what was calm."""
         every = len(self.columns) == rows.live.shape[1]
         live = rows.live if every else rows.live.take(self.columns, axis=1)
         seen, unknown = Residuals(rows.row, rows.t, live, rows.phase), np.isnan(live)
@@ -194,7 +207,7 @@ class Detect:
     def quiet(self, state: DetectState) -> bool:
         """Has a beat nothing to do for the detectors until one of them alarms?"""
         ready = state.cusum.calibration.ready and state.drift.calibration.ready
-        return ready and not state.pending.kind
+        return ready and not state.pending.kind and not state.risen.name
 
     def beat(
         self, state: DetectState, task_end: bool = False

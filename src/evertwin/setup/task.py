@@ -43,8 +43,9 @@ class Task(NamedTuple):
     tunings: int
     """Tunings so far: the schedule's position."""
     held: bool = False
-    """Has the version been found within the requirement? Then it may be the machine that changed.
-    One that never held may be wrong in another way at each speed, which looks alike."""
+    """Has the version been found within the requirement, or off by as much all the while until it
+    rose? Then it may be the machine that changed. One that never held may be wrong in another way
+    at each speed, which looks alike."""
     waits: bool = False
     """Is it asked again when more rows are there, should these say too little?"""
     rival: Version | None = None
