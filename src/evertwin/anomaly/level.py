@@ -1,10 +1,10 @@
 """Has the level of a residual risen, whatever it is?
 
-A residual that is never calm, because the form is wrong or more is asked than it reaches, calibrates
-no limit; how much there is of it is known all the same. Counted is how many predictions, each over
-its horizon, are off by more than a fifth of those before were: Page's cumulative sum of a share that
-is three times as large. What they are off by may be spread as it likes, and one that is far off
-counts as one. Where the level fell it is learned anew, in silence.
+A residual that is never calm, because the form is wrong or more is asked than it reaches, gives no
+limit; how much there is of it is known all the same. Counted is how many predictions, each over its
+horizon, are off by more than a fifth of those before were: Page's cumulative sum of a share that is
+three times as large. What they are off by may be spread as it likes, and one that is far off counts
+as one. Where the level fell it is learned anew, in silence.
 
 E. S. Page, "Continuous inspection schemes", Biometrika 41 (1954).
 
@@ -76,7 +76,7 @@ class Level:
     ) -> Level:  # fmt: skip
         """Outputs of one kind are one group; by default each is its own kind."""
         kinds = kinds or [(name,) for name in names]
-        known = list(dict.fromkeys(kinds[k] for k in np.flatnonzero(watched)))
+        known = list(dict.fromkeys(kinds[k] for k in np.flatnonzero(watched).tolist()))
         groups = (known.index(kinds[k]) if on else -1 for k, on in enumerate(watched))
         return cls(tuple(names), tuple(groups))
 

@@ -228,12 +228,13 @@ class Decide:
 
     def _free(self, state: TwinState, deviates: bool = False, due: bool = False) -> bool:
         """May a candidate be sought? Whatever goes on if a fit is due; if the live version deviates
-        in probation too, and beside one on trial if the trial is long."""
+        in probation too, and beside one on trial if the trial is long, or the machine is another one
+        since."""
         agenda, least = state.agenda, self.follow.setup.trial.least
         if agenda.open or agenda.pinned or state.row < agenda.hold:
             return False
         # in probation the machine may have changed, for which the version is not to blame
-        long = agenda.phase == PROBATION or state.trial.tally[1] >= least
+        long = agenda.phase == PROBATION or state.trial.tally[1] >= least or agenda.risen > 0
         return agenda.phase == WATCH or due or bool(deviates and long)
 
     def _ask(
@@ -302,8 +303,9 @@ class Decide:
 
     def _challenge(self, decision: Decision, candidate: Mapping[str, Any]) -> None:
         state, follow = decision.state, self.follow
-        young = state.trial.tally[1] < follow.setup.trial.least
-        busy = state.agenda.phase == PROBATION or (state.agenda.phase == TRIAL and young)
+        busy = state.agenda.phase == PROBATION
+        if state.agenda.phase == TRIAL and state.trial.tally[1] < follow.setup.trial.least:
+            busy = follow.versions[state.other.version].row >= state.agenda.since  # of this machine
         if busy and "brief" not in candidate:
             return  # of a scheduled fit the numbers are kept
         begins = opening(follow.setup, state, candidate)

@@ -14,6 +14,9 @@ from evertwin.setup.deviation import Sums, judged_deviation, limits
 from evertwin.setup.setup import Setup
 from evertwin.setup.twin_state import TwinState
 
+DOUBLED = 2.0
+"""So many times what it was off by before an output is off for that to be told before it is known
+why: a motion that is harder to foretell does less."""
 LITTLE = 0.5
 """Part of the requirement that a deviation has to grow by for a detector's alarm to count: that a
 residual is no longer what it was is no trouble while the twin is as true as is asked."""
@@ -30,8 +33,8 @@ def heard(setup: Setup, state: TwinState, *, whole: bool) -> tuple[Alarm, TwinSt
 
 
 def rises(decision: Decision, setup: Setup, *, whole: bool) -> None:
-    """A deviation that was told of has become a larger one, by enough: it is told, and asked about
-    at once, but for open work, of which the rows are older."""
+    """A deviation that was told of has become a larger one, by enough: it is asked about at once,
+    but for open work, of which the rows are older; and told where it has doubled."""
     state = decision.state
     rise, begins = state.detect.risen, state.row - int(state.scores.seen[0])
     if not rise.name or state.agenda.open:
@@ -40,11 +43,12 @@ def rises(decision: Decision, setup: Setup, *, whole: bool) -> None:
     if matters or (whole and rise.row <= begins):
         decision.state = state._replace(detect=state.detect._replace(risen=Rise()))
     if matters:
+        row, hold = state.row, min(state.agenda.hold, state.row)
+        decision.remember(risen=row, again=row, hold=hold)
+    if matters and rise.times >= DOUBLED:
         reason = f"{rise.name} is off by {rise.times:.2g} times what it was before row {rise.first}"
         evidence = {"first": rise.first, "rows": state.row - rise.first, "times": rise.times}
         decision.say("suspected", rise.name, reason, evidence)
-        row, hold = state.row, min(state.agenda.hold, state.row)
-        decision.remember(risen=row, again=row, hold=hold)
 
 
 def _matters(setup: Setup, state: TwinState, signal: str) -> bool:

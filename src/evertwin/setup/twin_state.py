@@ -96,7 +96,7 @@ class Agenda(NamedTuple):
     again: int = 0
     """Row of a suspicion that rows were too few to explain; 0: there is none."""
     risen: int = 0
-    """Row at which its deviation was told to have become a larger one; 0: not since the last fit."""
+    """Row at which its deviation was found to be a larger one; 0: not since the last fit."""
     held: bool = False
     """Has the live version been found within the requirement?"""
     told: bool = False
