@@ -3,7 +3,7 @@
 A residual that is never calm, because the form is wrong or more is asked than it reaches, gives no
 limit; how much there is of it is known all the same. Counted is how many predictions, each over its
 horizon, are off by more than a fifth of those before were: Page's cumulative sum of a share that is
-three times as large. What they are off by may be spread as it likes, and one that is far off counts
+three times as large, divided by how many neighbours are alike. What they are off by may be spread as it likes, and one that is far off counts
 as one. Where the level fell it is learned anew, in silence.
 
 E. S. Page, "Continuous inspection schemes", Biometrika 41 (1954).
@@ -31,9 +31,9 @@ from evertwin.types import Bool, Bools, Int64, Outputs
 RARE, OFTEN = 0.2, 0.6
 """Share of the predictions that are farther off than what is usual, before and after a rise."""
 LIMIT = 10.0
-"""Sum from which on it has risen: ten predictions in a row, as neighbours are alike."""
-LEAST, KEPT = 30, 100
-"""Predictions that tell a level at least and at most."""
+"""Sum from which on it has risen: ten predictions in a row, of neighbours that are not alike."""
+LEAST, KEPT = 30, 200
+"""Predictions that tell a level at least, of those that are not alike, and at most."""
 SUM, ROWS, COUNT, UP, SINCE, DOWN, BELOW, FIRST, BEGAN, HEAD = range(10)
 """Of the running prediction: sum of squares, rows, first row; of those that are kept: their number;
 the sums for more and for less, how many came since each left zero, and the first row of those."""
@@ -61,7 +61,7 @@ class Level:
     """Watches the level of residuals; its state is changed in place.
 
     >>> Level(("x", "y"), (0, 0)).init().shape
-    (1, 109)
+    (1, 209)
     """
 
     names: tuple[str, ...]
@@ -124,9 +124,22 @@ def _step(state: Any, groups: Any, rows: Any, found: Any) -> int:
             times = _rises(one[:HEAD], one[HEAD:], one[SUM] / one[ROWS])
             one[SUM], one[ROWS] = 0.0, 0.0
             if times > 0.0:
-                found[count] = number[i], one[BEGAN], g, times
+                row = found[count]
+                row[0], row[1], row[2], row[3] = float(number[i]), one[BEGAN], float(g), times
                 count += 1
     return count
+
+
+@njit(cache=True)
+def _alike(kept: Any, high: float) -> float:
+    """How many neighbours tell as much as one that stands alone: the mean length of runs above
+    ``high``, by that of values that do not depend on each other."""
+    above, runs = 0, 0
+    for i in range(kept.shape[0]):
+        if kept[i] > high:
+            above += 1
+            runs += 1 if i == 0 or kept[i - 1] <= high else 0
+    return max(above * (1.0 - RARE) / max(runs, 1), 1.0)
 
 
 @njit(cache=True)
@@ -134,12 +147,16 @@ def _rises(one: Any, kept: Any, mean: float) -> float:
     """One more mean square: how many times the rms has risen; 0: it has not."""
     n, times = int(one[COUNT]), 0.0
     behind = n - int(max(one[SINCE], one[BELOW]))
-    if behind < LEAST:  # it came so slowly that it is what is usual
+    high = low = math.nan
+    alike = 1.0
+    if behind >= LEAST:
+        usual = np.sort(kept[:behind])
+        high, low = usual[int((1.0 - RARE) * behind)], usual[int(RARE * behind)]
+        alike = _alike(kept[:behind], high)
+    if behind < LEAST * alike:  # it came so slowly that it is what is usual, or little is known yet
         one[UP], one[SINCE], one[DOWN], one[BELOW] = 0.0, 0.0, 0.0, 0.0
     else:
-        usual = np.sort(kept[:behind])
-        more, less = math.log(OFTEN / RARE), math.log((1.0 - OFTEN) / (1.0 - RARE))
-        high, low = usual[int((1.0 - RARE) * behind)], usual[int(RARE * behind)]
+        more, less = math.log(OFTEN / RARE) / alike, math.log((1.0 - OFTEN) / (1.0 - RARE)) / alike
         if one[UP] == 0.0:
             one[BEGAN] = one[FIRST]
         one[UP] = max(one[UP] + (more if mean > high else less), 0.0)

@@ -25,7 +25,7 @@ from evertwin.loop.going_live import goes_live, recovered, switched
 from evertwin.loop.heeding import heed
 from evertwin.loop.in_stream import tell_followed
 from evertwin.loop.looking import adopted, in_vain, looks, returned
-from evertwin.loop.requirement import deviates, foreseen, heard, rises
+from evertwin.loop.requirement import deviates, foreseen, heard, rises, unexplained
 from evertwin.loop.succession import clears, driven, in_doubt, makes_room, opening, to_blame
 from evertwin.loop.unanswered import unanswered
 from evertwin.models.form import Form
@@ -228,8 +228,7 @@ class Decide:
 
     def _free(self, state: TwinState, deviates: bool = False, due: bool = False) -> bool:
         """May a candidate be sought? Whatever goes on if a fit is due; if the live version deviates
-        in probation too, and beside one on trial if the trial is long, or the machine is another one
-        since."""
+        in probation too, and beside one on trial if that is long, or the machine changed since."""
         agenda, least = state.agenda, self.follow.setup.trial.least
         if agenda.open or agenda.pinned or state.row < agenda.hold:
             return False
@@ -269,8 +268,6 @@ class Decide:
         content: Any = in_doubt(decision, setup, to_blame(decision, answer.content))
         waits = agenda.again > 0 and ("waits" in content or agenda.kind in ("state", "refine"))
         decision.remember(open=0, again=agenda.again if waits else 0)
-        if agenda.kind == "fit" and not waits:
-            decision.remember(risen=0)
         for event in content.get("events", ()):
             decision.say(event["kind"], event["signal"], event["reason"], event["evidence"])
         if content.get("refused"):
@@ -300,6 +297,7 @@ class Decide:
             if decision.state.agenda.doubt:  # all that is asked of it is whether it is over
                 pause *= PATIENT
             decision.remember(hold=decision.state.row + pause)
+        unexplained(decision, setup, content)
 
     def _challenge(self, decision: Decision, candidate: Mapping[str, Any]) -> None:
         state, follow = decision.state, self.follow

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -44,11 +45,24 @@ def rises(decision: Decision, setup: Setup, *, whole: bool) -> None:
         decision.state = state._replace(detect=state.detect._replace(risen=Rise()))
     if matters:
         row, hold = state.row, min(state.agenda.hold, state.row)
-        decision.remember(risen=row, again=row, hold=hold)
+        decision.remember(risen=row, rose=rise.first, again=row, hold=hold)
     if matters and rise.times >= DOUBLED:
         reason = f"{rise.name} is off by {rise.times:.2g} times what it was before row {rise.first}"
         evidence = {"first": rise.first, "rows": state.row - rise.first, "times": rise.times}
         decision.say("suspected", rise.name, reason, evidence)
+
+
+def unexplained(decision: Decision, setup: Setup, content: Mapping[str, Any]) -> None:
+    """An answer does not tell that the machine changed where the deviation rose: it is asked again
+    of twice the rows since then, as long as a deviation is judged on."""
+    agenda, row = decision.state.agenda, decision.state.row
+    more = row - agenda.rose
+    if agenda.risen == 0 or "waits" in content:
+        return
+    if "since" in content or more >= setup.enough:
+        decision.remember(risen=0)
+    else:
+        decision.remember(again=row, hold=row + more)
 
 
 def _matters(setup: Setup, state: TwinState, signal: str) -> bool:

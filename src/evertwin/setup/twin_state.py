@@ -97,6 +97,8 @@ class Agenda(NamedTuple):
     """Row of a suspicion that rows were too few to explain; 0: there is none."""
     risen: int = 0
     """Row at which its deviation was found to be a larger one; 0: not since the last fit."""
+    rose: int = 0
+    """Row from which on it is."""
     held: bool = False
     """Has the live version been found within the requirement?"""
     told: bool = False
