@@ -117,6 +117,8 @@ class Tuner:
         old, new = split(windows, place)
         if not place or not (worse is None or self.follows(version, worse, old)):
             return windows, []
+        if new[0].row < task.rose:
+            return windows, []
         rows = sum(len(block.t) for block in new)
         if rows < ENOUGH * len(names):
             raise TooFew(f"the machine has changed, {rows} rows ago")

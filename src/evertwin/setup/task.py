@@ -32,7 +32,7 @@ class Task(NamedTuple):
 
     >>> Task._fields
     ('kind', 'version', 'windows', 'tunings', 'held', 'waits', 'rival', 'commissioned',
-    'cause', 'earlier', 'replaced', 'doubt', 'former', 'seen')
+    'cause', 'earlier', 'replaced', 'doubt', 'former', 'rose', 'seen')
     """
 
     kind: str
@@ -61,5 +61,7 @@ class Task(NamedTuple):
     doubt: Doubt = Doubt()
     former: tuple[Version, ...] = ()
     """The newest that were live before the version: a repair may bring one of them back."""
+    rose: int = 0
+    """Row from which on it may be another machine; 0: from any on."""
     seen: np.ndarray | None = None
     """Lowest and highest value of each input on rows before all these that the version ran on."""
