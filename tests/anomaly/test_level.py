@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from evertwin.anomaly import Level, Rise
+from evertwin.signals import Channel, Layout
 
 SEGMENT, SEGMENTS, AT = 10, 500, 300
-LEVEL = Level.of(("x",), np.array([True]))
+LEVEL = Level.of(Layout.of(x="m"), np.array([True]))
 
 
 def drawn(seed: int, times: float, hold: int = 1) -> np.ndarray:
@@ -58,6 +59,7 @@ def test_a_level_that_fell_is_learned_anew_in_silence() -> None:
 
 
 def test_outputs_of_one_kind_are_one_and_unwatched_ones_none() -> None:
-    level = Level.of(("x", "y", "angle", "z"), np.array([True, True, True, False]),
-                     [("pose", "m"), ("pose", "m"), ("pose", "rad"), ("z", "m")])  # fmt: skip
+    pose = [("x", "m", "pose"), ("y", "m", "pose"), ("angle", "rad", "pose"), ("z", "m", "z")]
+    outputs = Layout(tuple(Channel(name, unit, group=group) for name, unit, group in pose))
+    level = Level.of(outputs, np.array([True, True, True, False]))
     assert level.groups == (0, 0, 1, -1) and level.init().shape[0] == 2

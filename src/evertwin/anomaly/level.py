@@ -3,8 +3,9 @@
 A residual that is never calm, because the form is wrong or more is asked than it reaches, gives no
 limit; how much there is of it is known all the same. Counted is how many predictions, each over its
 horizon, are off by more than a fifth of those before were: Page's cumulative sum of a share that is
-three times as large, divided by how many neighbours are alike. What they are off by may be spread as it likes, and one that is far off counts
-as one. Where the level fell it is learned anew, in silence.
+three times as large, divided by how many neighbours are alike. What they are off by may be spread
+as it likes, and one that is far off counts as one. Where the level fell it is learned anew, in
+silence.
 
 E. S. Page, "Continuous inspection schemes", Biometrika 41 (1954).
 
@@ -19,13 +20,13 @@ E. S. Page, "Continuous inspection schemes", Biometrika 41 (1954).
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from evertwin.compiled.functions import njit
+from evertwin.signals import Layout
 from evertwin.types import Bool, Bools, Int64, Outputs
 
 RARE, OFTEN = 0.2, 0.6
@@ -70,15 +71,12 @@ class Level:
     """Of each output: those of one group are summed, as x and y are off by turns; −1: left out."""
 
     @classmethod
-    def of(
-        cls, names: Sequence[str], watched: Bool[np.ndarray, " ny"],
-        kinds: Sequence[tuple[str, ...]] = (),
-    ) -> Level:  # fmt: skip
-        """Outputs of one kind are one group; by default each is its own kind."""
-        kinds = kinds or [(name,) for name in names]
+    def of(cls, outputs: Layout, watched: Bool[np.ndarray, " ny"]) -> Level:
+        """Outputs that are adopted together and have one unit are one group."""
+        kinds = [(one.group, one.unit) for one in outputs]
         known = list(dict.fromkeys(kinds[k] for k in np.flatnonzero(watched).tolist()))
         groups = (known.index(kinds[k]) if on else -1 for k, on in enumerate(watched))
-        return cls(tuple(names), tuple(groups))
+        return cls(outputs.names, tuple(groups))
 
     def init(self) -> np.ndarray:
         """Nothing is known of any level."""
@@ -131,6 +129,14 @@ def _step(state: Any, groups: Any, rows: Any, found: Any) -> int:
 
 
 @njit(cache=True)
+def _mean(values: Any) -> float:
+    total = 0.0
+    for value in values:
+        total += value
+    return total / values.shape[0]
+
+
+@njit(cache=True)
 def _alike(kept: Any, high: float) -> float:
     """How many neighbours tell as much as one that stands alone: the mean length of runs above
     ``high``, by that of values that do not depend on each other."""
@@ -172,7 +178,7 @@ def _rises(one: Any, kept: Any, mean: float) -> float:
         rose = one[UP] > LIMIT
         new = int(one[SINCE] if rose else one[BELOW])
         if rose:
-            times = math.sqrt(kept[n + 1 - new : n + 1].mean() / kept[: n + 1 - new].mean())
+            times = math.sqrt(_mean(kept[n + 1 - new : n + 1]) / _mean(kept[: n + 1 - new]))
         kept[:new] = kept[n + 1 - new : n + 1].copy()
         one[COUNT], one[UP], one[SINCE], one[DOWN], one[BELOW] = new, 0.0, 0.0, 0.0, 0.0
     return times

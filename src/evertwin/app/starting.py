@@ -35,7 +35,7 @@ from evertwin.starter import (
     own_model,
     pump,
     pump_model,
-    reach,
+    unforeseen,
 )
 
 
@@ -136,7 +136,7 @@ def _write(draft: Draft, force: bool) -> dict[str, Any]:
         spec = read(out)
         model_of(spec)
         if draft.model is not None and not draft.static:
-            write_whole(out, replace(draft, reach=reach(spec)).text())
+            write_whole(out, replace(draft, reach=unforeseen(spec)).text())
     return {
         "schema": "evertwin.init/1", "file": str(out),
         "model_file": str(own) if draft.kind == "python" else None, **draft.proposal.to_dict(),

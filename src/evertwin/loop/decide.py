@@ -133,8 +133,7 @@ class Decide:
         reason, signal, evidence = deviates(setup, state, task_end)
         alarm, state = heard(setup, state, whole=reason is not None)
         decision.state = state
-        rises(decision, setup, whole=reason is not None)
-        state = decision.state
+        state = rises(decision, setup, whole=reason is not None)
         if reason is not None:
             watch, seen = new_sums(len(state.scores.watch.samples)), np.zeros(1, dtype=np.int64)
             scores = state.scores._replace(watch=watch, seen=seen)
@@ -167,8 +166,7 @@ class Decide:
         due = every or again > 0 or last
         if reason or alarm.kind or due:
             makes_room(setup, decision)
-        worse = bool(reason or alarm.kind or state.agenda.risen)
-        free = self._free(decision.state, worse, every)
+        free = self._free(decision.state, bool(reason or alarm.kind or state.agenda.risen), every)
         if reason is None and not alarm.kind:
             early, signal, evidence = foreseen(setup, state)
             decision.remember(told=state.agenda.told or bool(early))

@@ -33,13 +33,13 @@ def heard(setup: Setup, state: TwinState, *, whole: bool) -> tuple[Alarm, TwinSt
     return alarm if matters else Alarm(), state
 
 
-def rises(decision: Decision, setup: Setup, *, whole: bool) -> None:
+def rises(decision: Decision, setup: Setup, *, whole: bool) -> TwinState:
     """A deviation that was told of has become a larger one, by enough: it is asked about at once,
     but for open work, of which the rows are older; and told where it has doubled."""
     state = decision.state
     rise, begins = state.detect.risen, state.row - int(state.scores.seen[0])
     if not rise.name or state.agenda.open:
-        return
+        return state
     matters = state.agenda.told and _matters(setup, state, rise.name)
     if matters or (whole and rise.row <= begins):
         decision.state = state._replace(detect=state.detect._replace(risen=Rise()))
@@ -50,6 +50,7 @@ def rises(decision: Decision, setup: Setup, *, whole: bool) -> None:
         reason = f"{rise.name} is off by {rise.times:.2g} times what it was before row {rise.first}"
         evidence = {"first": rise.first, "rows": state.row - rise.first, "times": rise.times}
         decision.say("suspected", rise.name, reason, evidence)
+    return decision.state
 
 
 def unexplained(decision: Decision, setup: Setup, content: Mapping[str, Any]) -> None:
@@ -57,12 +58,10 @@ def unexplained(decision: Decision, setup: Setup, content: Mapping[str, Any]) ->
     of twice the rows since then, as long as a deviation is judged on."""
     agenda, row = decision.state.agenda, decision.state.row
     more = row - agenda.rose
-    if agenda.risen == 0 or "waits" in content:
-        return
-    if "since" in content or more >= setup.enough:
+    if agenda.risen and ("since" in content or more >= setup.enough):
         decision.remember(risen=0)
-    else:
-        decision.remember(again=row, hold=row + more)
+    elif agenda.risen:
+        decision.remember(again=row, hold=agenda.hold if "waits" in content else row + more)
 
 
 def _matters(setup: Setup, state: TwinState, signal: str) -> bool:

@@ -31,6 +31,7 @@ from evertwin.anomaly.run_length import run_length
 from evertwin.config.spec import AnomalySpec
 from evertwin.fold import Event, Record
 from evertwin.setup.released import Released
+from evertwin.signals import Layout
 
 FEW, WORTH, CUT = 300, 100.0, 4.0
 """Residuals that calibrate at least, however long a prediction is, and what they must be worth; so
@@ -103,7 +104,7 @@ class DetectState(NamedTuple):
 class Detect:
     """The detectors together. Built by `Detect.of`.
 
-    >>> Detect.of(AnomalySpec(), ("x",), np.array([True]), 1).columns
+    >>> Detect.of(AnomalySpec(), Layout.of(x="m"), np.array([True]), 1).columns
     (0,)
     """
 
@@ -119,20 +120,20 @@ class Detect:
 
     @classmethod
     def of(
-        cls, spec: AnomalySpec, names: tuple[str, ...], watched: np.ndarray, phases: int,
+        cls, spec: AnomalySpec, outputs: Layout, watched: np.ndarray, phases: int,
         rows: int = 1,
     ) -> Detect:  # fmt: skip
         """As the twin file says. ``rows`` from residual to residual: so many fewer calibrate, as
         it is of the machine that enough has to be seen."""
         columns = tuple(int(k) for k in np.flatnonzero(watched))
-        chosen = tuple(names[k] for k in columns)
+        chosen = tuple(outputs.names[k] for k in columns)
         calm = Calm(false_alarms_per_month=spec.false_alarms_per_month)
         if rows > 1:
             calm = replace(calm, least=max(calm.least // rows, FEW), independent=WORTH, clip=CUT)
         limit = SnrLimit(chosen, spec.snr or 6.0, phases=phases, orders=calm.orders)
         return cls(
             Cusum(chosen, calm, phases), Drift(chosen, phases=phases, orders=calm.orders), limit,
-            Level.of(names, watched), columns, spec.snr > 0, spec.calibration,
+            Level.of(outputs, watched), columns, spec.snr > 0, spec.calibration,
         )  # fmt: skip
 
     def init(self) -> DetectState:

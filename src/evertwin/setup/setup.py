@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from evertwin.anomaly import External, Kinematics, Level, Recurrence, Regimes, Still, TaskSteps
+from evertwin.anomaly import External, Kinematics, Recurrence, Regimes, Still, TaskSteps
 from evertwin.config.spec import TwinSpec
 from evertwin.errors import ConfigError, UsageError
 from evertwin.fold import Beat
@@ -358,11 +358,7 @@ class Setup:
         phases = self.steps.parts * (1 if self.regimes is None else self.regimes[1].count)
         rate = self.at_horizon.wanted and (self.spec.clock.rate or self.measured_rate)
         rows = max(round(self.horizon * rate), 1) if rate else 1
-        names, on = self.model.outputs.names, self.watched
-        detect = Detect.of(self.spec.anomaly, names, on, phases, rows)
-        # x and y are off by turns
-        kinds = [(one.group, one.unit) for one in self.model.outputs]
-        return replace(detect, level=Level.of(names, on, kinds))
+        return Detect.of(self.spec.anomaly, self.model.outputs, self.watched, phases, rows)
 
     @property
     def known_rate(self) -> float | None:

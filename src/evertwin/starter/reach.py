@@ -16,7 +16,7 @@ ROWS = 20_000
 """Rows that it is told from."""
 
 
-def reach(spec: TwinSpec) -> float:
+def unforeseen(spec: TwinSpec) -> float:
     """Rms [SI] of the output that is foretold worst, over the horizon of a twin file; 0: its rows
     do not tell, which the doctor says more about.
 
