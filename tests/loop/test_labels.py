@@ -238,9 +238,8 @@ def test_what_was_called_false_is_no_alarm_again_and_a_real_one_is(seed: int) ->
 
 
 def test_what_is_called_false_and_goes_on_is_learned_anew() -> None:
-    stage, (state, found, _) = Detect.of(AnomalySpec(), Layout.of(a="m"), np.array([True]), 1), alarms(
-        0, told=False, bump=0.0, shift=4.0
-    )  # fmt: skip
+    stage = Detect.of(AnomalySpec(), Layout.of(a="m"), np.array([True]), 1)
+    state, found, _ = alarms(0, told=False, bump=0.0, shift=4.0)
     assert found and state.cusum.seen[0, 1] >= 0
     alarm = Alarm("suspected", "a", "", found[0], "cusum")
     state, said = stage.mistaken(state, "a", alarm.evidence)

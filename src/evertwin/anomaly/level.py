@@ -133,7 +133,7 @@ def _mean(values: Any) -> float:
     total = 0.0
     for value in values:
         total += value
-    return total / values.shape[0]
+    return total / len(values)
 
 
 @njit(cache=True)

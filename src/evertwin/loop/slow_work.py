@@ -21,7 +21,6 @@ from evertwin.refit.work import Work
 from evertwin.setup.task import Doubt, Task
 from evertwin.setup.twin_state import TwinState
 
-
 NEAR = 5
 """A machine changed so much of what a deviation is judged on before it rose at most."""
 
@@ -63,7 +62,7 @@ class SlowWork:
             None if version.parent is None else self.work.versions[version.parent],
             Doubt(agenda.doubt, agenda.doubted, agenda.doubted_at),
             former(self.work.versions, state, version.number),
-            agenda.rose - self.work.setup.enough // NEAR if risen and not agenda.held else 0,
+            max(agenda.rose - self.work.setup.enough // NEAR, 1) if risen and not agenda.held else 0,
             state.ring.seen[1].copy(),
         )  # fmt: skip
         self.engine.submit(request, partial(self.work.content, task))

@@ -334,7 +334,7 @@ class Work(Tuner):
             other = other or (silent(rows) if rows and names else None)
             if other:
                 return of_a_sensor(other)
-        if task.held and names:
+        if task.held and names and not task.rose:
             new = suddenly(windows, lambda rows: self.problem(version, rows, names))
             if sum(len(block.t) for block in new) >= ENOUGH * len(names):
                 content = self._corrected(version, new)
