@@ -55,6 +55,7 @@ class SlowWork:
         request = Request(agenda.open, agenda.kind, version.number, state.row, agenda.due, window)
         rival = self.work.versions[agenda.rival] if agenda.rival else None
         risen = agenda.risen > agenda.start
+        earliest = max(agenda.rose - self.work.setup.enough // NEAR, 1)
         task = Task(
             agenda.kind, version, rows, agenda.tunings, agenda.held or risen,
             agenda.again > 0, rival,
@@ -62,7 +63,7 @@ class SlowWork:
             None if version.parent is None else self.work.versions[version.parent],
             Doubt(agenda.doubt, agenda.doubted, agenda.doubted_at),
             former(self.work.versions, state, version.number),
-            max(agenda.rose - self.work.setup.enough // NEAR, 1) if risen and not agenda.held else 0,
+            earliest if risen and not agenda.held else 0,
             state.ring.seen[1].copy(),
         )  # fmt: skip
         self.engine.submit(request, partial(self.work.content, task))
