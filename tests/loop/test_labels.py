@@ -202,7 +202,7 @@ def alarms(
     """Noise that somebody leans against now and then, which its calm rows do not know; ``told``:
     each alarm is called false. Rows of the alarms, and what was said."""
     rng, n = np.random.default_rng(seed), 40_000
-    stage = Detect.of(AnomalySpec(calibration=2000.0), ("a",), np.array([True]), 1)
+    stage = Detect.of(AnomalySpec(calibration=2000.0), Layout.of(a="m"), np.array([True]), 1)
     level, at = np.zeros(n), 3000
     while at < n - 1500:
         level[at : at + int(rng.integers(40, 80))] = bump
@@ -238,9 +238,8 @@ def test_what_was_called_false_is_no_alarm_again_and_a_real_one_is(seed: int) ->
 
 
 def test_what_is_called_false_and_goes_on_is_learned_anew() -> None:
-    stage, (state, found, _) = Detect.of(AnomalySpec(), ("a",), np.array([True]), 1), alarms(
-        0, told=False, bump=0.0, shift=4.0
-    )  # fmt: skip
+    stage = Detect.of(AnomalySpec(), Layout.of(a="m"), np.array([True]), 1)
+    state, found, _ = alarms(0, told=False, bump=0.0, shift=4.0)
     assert found and state.cusum.seen[0, 1] >= 0
     alarm = Alarm("suspected", "a", "", found[0], "cusum")
     state, said = stage.mistaken(state, "a", alarm.evidence)

@@ -258,7 +258,10 @@ def test_what_is_not_known_stays_so_and_counts_for_nothing() -> None:
 def test_detectors_begin_silent_and_tell_a_shift() -> None:
     rng, n = np.random.default_rng(4), 3000
     stage = Detect.of(
-        AnomalySpec(snr=6.0, calibration=1200.0), ("a", "b"), np.array([True, False]), 1
+        AnomalySpec(snr=6.0, calibration=1200.0),
+        Layout.of(a="m", b="m"),
+        np.array([True, False]),
+        1,
     )
     live = rng.normal(size=(n, 2))
     live[2000:, 0] += 6.0

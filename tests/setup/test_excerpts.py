@@ -23,6 +23,7 @@ from evertwin.errors import DataError, UsageError
 from evertwin.fold import make_block
 from evertwin.setup.detectors import Detect
 from evertwin.setup.windows import apart, windows_of
+from evertwin.signals import Layout
 from evertwin.sources.merging import Excerpt
 from evertwin.twin import Twin
 
@@ -84,7 +85,7 @@ def calm(rows: int, first: int = 0) -> Residuals:
 
 
 def test_the_first_task_calibrates_and_no_row_after_it() -> None:
-    detect = Detect.of(AnomalySpec(calibration=float("inf")), ("x",), np.array([True]), 1)
+    detect = Detect.of(AnomalySpec(calibration=float("inf")), Layout.of(x="m"), np.array([True]), 1)
     cusum = detect.cusum.collect(detect.init().cusum, calm(3000))
     state, failed = detect.beat(detect.init()._replace(cusum=cusum), task_end=False)
     assert (state.cusum.calibration.ready, failed[0]) == (False, "")
@@ -97,7 +98,7 @@ def test_the_first_task_calibrates_and_no_row_after_it() -> None:
 
 
 def test_too_short_a_first_task_is_said_and_more_is_collected() -> None:
-    detect = Detect.of(AnomalySpec(calibration=float("inf")), ("x",), np.array([True]), 1)
+    detect = Detect.of(AnomalySpec(calibration=float("inf")), Layout.of(x="m"), np.array([True]), 1)
     cusum = detect.cusum.collect(detect.init().cusum, calm(300))
     state, (reason, rows) = detect.beat(detect.init()._replace(cusum=cusum), task_end=True)
     assert "at least 1000 are needed" in reason
@@ -119,7 +120,7 @@ def test_the_collector_keeps_the_newest_rows() -> None:
 
 def test_a_span_calibrates_when_it_has_passed() -> None:
     spec = replace(AnomalySpec(), calibration=1999.0)
-    detect = Detect.of(spec, ("x",), np.array([True]), 1)
+    detect = Detect.of(spec, Layout.of(x="m"), np.array([True]), 1)
     cusum = detect.cusum.collect(detect.init().cusum, calm(1500))
     state, _ = detect.beat(detect.init()._replace(cusum=cusum))
     assert not state.cusum.calibration.ready

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
         Kinematics as Kinematics,
         KinematicsState as KinematicsState,
     )
+    from evertwin.anomaly.level import Level as Level, Rise as Rise
     from evertwin.anomaly.phases import Regimes as Regimes, TaskSteps as TaskSteps
     from evertwin.anomaly.recurrence import (
         Place as Place,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +35,7 @@ from evertwin.starter import (
     own_model,
     pump,
     pump_model,
+    unforeseen,
 )
 
 
@@ -131,7 +133,10 @@ def _write(draft: Draft, force: bool) -> dict[str, Any]:
     if draft.model is None and (force or not own.exists()):
         write_whole(own, own_model(draft.seen, draft.proposal.matches, draft.period))
     if not draft.questions:  # else the file holds a question, which no reader takes
-        model_of(read(out))
+        spec = read(out)
+        model_of(spec)
+        if draft.model is not None and not draft.static:
+            write_whole(out, replace(draft, reach=unforeseen(spec)).text())
     return {
         "schema": "evertwin.init/1", "file": str(out),
         "model_file": str(own) if draft.kind == "python" else None, **draft.proposal.to_dict(),

@@ -26,6 +26,7 @@ from evertwin.models.kernel import CONTINUE
 from evertwin.rows.alignment import apart
 from evertwin.setup.evaluation import off_after
 from evertwin.setup.setup import Setup
+from evertwin.signals import wrap
 from evertwin.tuning import Fit, Problem
 from evertwin.types import Outputs, ParameterVector, PerOutput, Vector
 
@@ -88,6 +89,21 @@ def floor(setup: Setup, level: Vector, windows: Sequence[Block]) -> Vector:
     return np.asarray(np.divide(found, size, out=np.zeros_like(found), where=size > 0.0))
 
 
+def between(setup: Setup, model: Model, p: ParameterVector, windows: Iterable[Block]) -> Vector:
+    """Rms of what each output is off by as an input changes somewhere between two rows, which do
+    not tell when, (ny,): what anything up to a row more of delay makes over the horizon."""
+    off = list[Outputs]()
+    for window in windows if len(model.states) else ():
+        later = window._replace(u=np.concatenate([window.u[:1], window.u[:-1]]))
+        a, b = (changes(model, p, rows, setup.horizon).predicted for rows in (window, later))
+        off.append(wrap(a - b, model.outputs.angles))
+    if not off:
+        return np.zeros(len(model.outputs))
+    squares = np.square(np.concatenate(off))
+    return np.asarray(np.sqrt(np.nansum(squares, axis=0) / np.maximum(
+        np.isfinite(squares).sum(axis=0), 1) / 3.0))  # fmt: skip
+
+
 class Buried(NamedTuple):
     """Why tuning cannot reach what is asked: noise alone makes more.
 
@@ -96,12 +112,13 @@ class Buried(NamedTuple):
     """
 
     reason: str
+    """Empty where it is so of some of the outputs that are off by more than what is asked."""
     level: PerOutput
     """Rms that it makes of each output's residual at most; 0: less than what is asked."""
 
 
 def buried(setup: Setup, problem: Problem, fit: Fit, share: float) -> Buried | None:
-    """What noise makes of the deviation; None where it is not noise that makes it.
+    """What noise makes of the deviation; None where it is not noise that makes it, of any output.
 
     Args:
         share: of what is left, what an input explains.
@@ -120,15 +137,22 @@ def buried(setup: Setup, problem: Problem, fit: Fit, share: float) -> Buried | N
     cure = "allow more, or measure better"
     if not alone[beyond].all():
         if not setup.static or share > LITTLE or _foretold(setup, problem, fit, beyond) > LITTLE:
-            return None
+            some = beyond[alone[beyond]]
+            return Buried("", _levels(setup, problem, fit, some)) if len(some) else None
         k, least = int(beyond[np.argmax(off[beyond])]), off
         whose = f"noise of what {problem.model.outputs.names[k]} is predicted from"
         cure = "allow more, smooth it ([filter]), or measure better"
     told = setup.shown(k, min(least[k], off[k]))
     return Buried(
         f"{whose} alone makes {told} of it, which no model can foretell: {cure}",
-        np.array([_most(setup, problem, fit, k) if k in beyond else 0.0 for k in range(len(off))]),
+        _levels(setup, problem, fit, beyond),
     )
+
+
+def _levels(setup: Setup, problem: Problem, fit: Fit, outputs: np.ndarray) -> PerOutput:
+    """`_most` of these outputs, 0 of the others."""
+    count = len(problem.model.outputs)
+    return np.array([_most(setup, problem, fit, k) if k in outputs else 0.0 for k in range(count)])
 
 
 def _most(setup: Setup, problem: Problem, fit: Fit, k: int) -> float:

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from evertwin.anomaly import Rise
 from evertwin.errors import StoreError
 from evertwin.loop.driver import Driver
 from evertwin.loop.follow import EMPTY
@@ -90,7 +91,10 @@ def carried(driver: Driver, store: Store, run: int, state: TwinState) -> TwinSta
     left: _HandedOn = found.state.twin
     rows, before = known.state.twin.row, left.agenda
     left.detect.cusum.calm.row[: left.detect.cusum.collected] -= rows
-    detect = left.detect._replace(told=left.detect.told - rows, pending=Alarm())
+    detect = left.detect._replace(
+        told=left.detect.told - rows, pending=Alarm(), risen=Rise(),
+        level=setup.detect.level.handed_on(left.detect.level, rows),
+    )  # fmt: skip
     agenda = state.agenda._replace(
         commissioned=before.commissioned, held=before.held,
         fitted=before.fitted - left.elapsed, since=before.since - rows, told=before.told,

@@ -25,7 +25,7 @@ from evertwin.loop.going_live import goes_live, recovered, switched
 from evertwin.loop.heeding import heed
 from evertwin.loop.in_stream import tell_followed
 from evertwin.loop.looking import adopted, in_vain, looks, returned
-from evertwin.loop.requirement import deviates, foreseen, heard
+from evertwin.loop.requirement import deviates, foreseen, heard, rises, unexplained
 from evertwin.loop.succession import clears, driven, in_doubt, makes_room, opening, to_blame
 from evertwin.loop.unanswered import unanswered
 from evertwin.models.form import Form
@@ -133,6 +133,7 @@ class Decide:
         reason, signal, evidence = deviates(setup, state, task_end)
         alarm, state = heard(setup, state, whole=reason is not None)
         decision.state = state
+        state = rises(decision, setup, whole=reason is not None)
         if reason is not None:
             watch, seen = new_sums(len(state.scores.watch.samples)), np.zeros(1, dtype=np.int64)
             scores = state.scores._replace(watch=watch, seen=seen)
@@ -165,7 +166,7 @@ class Decide:
         due = every or again > 0 or last
         if reason or alarm.kind or due:
             makes_room(setup, decision)
-        free = self._free(decision.state, bool(reason or alarm.kind), every)
+        free = self._free(decision.state, bool(reason or alarm.kind or state.agenda.risen), every)
         if reason is None and not alarm.kind:
             early, signal, evidence = foreseen(setup, state)
             decision.remember(told=state.agenda.told or bool(early))
@@ -225,12 +226,12 @@ class Decide:
 
     def _free(self, state: TwinState, deviates: bool = False, due: bool = False) -> bool:
         """May a candidate be sought? Whatever goes on if a fit is due; if the live version deviates
-        in probation too, and beside one on trial if the trial is long."""
+        in probation too, and beside one on trial if that is long, or the machine changed since."""
         agenda, least = state.agenda, self.follow.setup.trial.least
         if agenda.open or agenda.pinned or state.row < agenda.hold:
             return False
         # in probation the machine may have changed, for which the version is not to blame
-        long = agenda.phase == PROBATION or state.trial.tally[1] >= least
+        long = agenda.phase == PROBATION or state.trial.tally[1] >= least or agenda.risen > 0
         return agenda.phase == WATCH or due or bool(deviates and long)
 
     def _ask(
@@ -294,11 +295,13 @@ class Decide:
             if decision.state.agenda.doubt:  # all that is asked of it is whether it is over
                 pause *= PATIENT
             decision.remember(hold=decision.state.row + pause)
+        unexplained(decision, setup, content)
 
     def _challenge(self, decision: Decision, candidate: Mapping[str, Any]) -> None:
         state, follow = decision.state, self.follow
-        young = state.trial.tally[1] < follow.setup.trial.least
-        busy = state.agenda.phase == PROBATION or (state.agenda.phase == TRIAL and young)
+        busy = state.agenda.phase == PROBATION
+        if state.agenda.phase == TRIAL and state.trial.tally[1] < follow.setup.trial.least:
+            busy = follow.versions[state.other.version].row >= state.agenda.since  # of this machine
         if busy and "brief" not in candidate:
             return  # of a scheduled fit the numbers are kept
         begins = opening(follow.setup, state, candidate)

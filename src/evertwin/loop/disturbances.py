@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evertwin.anomaly import Contact
+from evertwin.anomaly import Contact, Rise
 from evertwin.anomaly.external import Own
 from evertwin.anomaly.external_loop import SQUARE
 from evertwin.gauges.sensor_change import SensorChange
@@ -143,7 +143,7 @@ def forget(decision: Decision) -> None:
     watch, seen = new_sums(len(scores.watch.samples)), np.zeros(1, dtype=np.int64)
     decision.state = decision.state._replace(
         scores=scores._replace(watch=watch, seen=seen),
-        detect=decision.state.detect._replace(pending=Alarm()),
+        detect=decision.state.detect._replace(pending=Alarm(), risen=Rise()),
     )
 
 
@@ -158,6 +158,8 @@ def unlearn(decision: Decision, setup: Setup) -> None:
     names = [name for name, off in zip(setup.model.outputs.names, scores.spoiled) if off]
     if detect.pending.signal in names:
         detect = detect._replace(pending=Alarm())
+    if detect.risen.name in names:
+        detect = detect._replace(risen=Rise())
     scores.spoiled[:] = False
     decision.state = decision.state._replace(detect=detect)
 

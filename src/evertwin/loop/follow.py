@@ -256,8 +256,10 @@ class Follow:
         scores, pairs, back, off = accumulate(state.scores, rows, watch)
         detect, found = self.setup.detect.step(state.detect, rows)
         stop = -1 if off < 0 else int(beats[off])
-        if len(beats) and detect.pending.kind:
-            after = beats[beats > detect.pending.row + delay]
+        news = [detect.pending.row] if detect.pending.kind else []
+        news += [detect.risen.row] if detect.risen.name else []
+        for row in news:
+            after = beats[beats > row + delay]
             if len(after) and (stop < 0 or after[0] < stop):
                 stop = int(after[0])
         decides = self.recovery.step(state.recovery, back) if len(back) else -1

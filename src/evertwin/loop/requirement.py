@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
+from evertwin.anomaly import Rise
+from evertwin.loop.decision import Decision
 from evertwin.loop.follow import NONE, early
 from evertwin.setup.detectors import Alarm
 from evertwin.setup.deviation import Sums, judged_deviation, limits
 from evertwin.setup.setup import Setup
 from evertwin.setup.twin_state import TwinState
 
+DOUBLED = 2.0
+"""So many times what it was off by before an output is off for that to be told before it is known
+why: a motion that is harder to foretell does less."""
 LITTLE = 0.5
 """Part of the requirement that a deviation has to grow by for a detector's alarm to count: that a
 residual is no longer what it was is no trouble while the twin is as true as is asked."""
@@ -21,18 +27,49 @@ def heard(setup: Setup, state: TwinState, *, whole: bool) -> tuple[Alarm, TwinSt
     """The detectors' alarm if it matters, and the state without it; it is dropped, too, if it did
     not matter in a ``whole`` window behind it."""
     alarm, begins = state.detect.pending, state.row - int(state.scores.seen[0])
-    matters = bool(alarm.kind) and _matters(setup, state, alarm)
+    matters = bool(alarm.kind) and _matters(setup, state, alarm.signal)
     if matters or (whole and alarm.row <= begins):
         state = state._replace(detect=state.detect._replace(pending=Alarm()))
     return alarm if matters else Alarm(), state
 
 
-def _matters(setup: Setup, state: TwinState, alarm: Alarm) -> bool:
+def rises(decision: Decision, setup: Setup, *, whole: bool) -> TwinState:
+    """A deviation that was told of has become a larger one, by enough: it is asked about at once,
+    but for open work, of which the rows are older; and told where it has doubled."""
+    state = decision.state
+    rise, begins = state.detect.risen, state.row - int(state.scores.seen[0])
+    if not rise.name or state.agenda.open:
+        return state
+    matters = state.agenda.told and _matters(setup, state, rise.name)
+    if matters or (whole and rise.row <= begins):
+        decision.state = state._replace(detect=state.detect._replace(risen=Rise()))
+    if matters:
+        row, hold = state.row, min(state.agenda.hold, state.row)
+        decision.remember(risen=row, rose=rise.first, again=row, hold=hold)
+    if matters and rise.times >= DOUBLED:
+        reason = f"{rise.name} is off by {rise.times:.2g} times what it was before row {rise.first}"
+        evidence = {"first": rise.first, "rows": state.row - rise.first, "times": rise.times}
+        decision.say("suspected", rise.name, reason, evidence)
+    return decision.state
+
+
+def unexplained(decision: Decision, setup: Setup, content: Mapping[str, Any]) -> None:
+    """An answer does not tell that the machine changed where the deviation rose: it is asked again
+    of twice the rows since then, as long as a deviation is judged on."""
+    agenda, row = decision.state.agenda, decision.state.row
+    more = row - agenda.rose
+    if agenda.risen and ("since" in content or more >= setup.enough):
+        decision.remember(risen=0)
+    elif agenda.risen:
+        decision.remember(again=row, hold=agenda.hold if "waits" in content else row + more)
+
+
+def _matters(setup: Setup, state: TwinState, signal: str) -> bool:
     """Has the deviation over a window grown by enough, were the rows as before that have not come
     yet? Squares are compared."""
     if not np.isfinite(setup.requirement):
         return True
-    scores, k = state.scores, setup.model.outputs.index(alarm.signal)
+    scores, k = state.scores, setup.model.outputs.index(signal)
     if scores.watch.samples[k] == 0:  # nothing moved: it cannot be told yet
         return False
     past = Sums(*(a - b for a, b in zip(scores.live_moving, scores.watch, strict=True)))

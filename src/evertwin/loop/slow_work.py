@@ -21,6 +21,9 @@ from evertwin.refit.work import Work
 from evertwin.setup.task import Doubt, Task
 from evertwin.setup.twin_state import TwinState
 
+NEAR = 5
+"""A machine changed so much of what a deviation is judged on before it rose at most."""
+
 
 @dataclass
 class SlowWork:
@@ -51,12 +54,17 @@ class SlowWork:
         rows, earlier = (ring.between(state.ring, *some) for some in (window, (0, window[0])))
         request = Request(agenda.open, agenda.kind, version.number, state.row, agenda.due, window)
         rival = self.work.versions[agenda.rival] if agenda.rival else None
+        risen = agenda.risen > agenda.start
+        earliest = max(agenda.rose - self.work.setup.enough // NEAR, 1)
         task = Task(
-            agenda.kind, version, rows, agenda.tunings, agenda.held, agenda.again > 0, rival,
+            agenda.kind, version, rows, agenda.tunings, agenda.held or risen,
+            agenda.again > 0, rival,
             agenda.commissioned, agenda.cause, earlier,
             None if version.parent is None else self.work.versions[version.parent],
             Doubt(agenda.doubt, agenda.doubted, agenda.doubted_at),
-            former(self.work.versions, state, version.number), state.ring.seen[1].copy(),
+            former(self.work.versions, state, version.number),
+            earliest if risen and not agenda.held else 0,
+            state.ring.seen[1].copy(),
         )  # fmt: skip
         self.engine.submit(request, partial(self.work.content, task))
 

@@ -105,10 +105,11 @@ def _judged(setup: Setup, problem: Problem, fit: Fit) -> Verdict:
     found = branch(fit, problem, refits, frozenset(setup.editable))
     depends: Any = found.evidence["dependence"]
     noisy = buried(setup, problem, fit, depends["share"] if depends else 0.0)
-    if noisy and (found.kind == "normal" or depends):
-        level = {**found.evidence, "noise": noisy.level.tolist()}
-        return replace(found, kind="noise", reason=noisy.reason, evidence=level)
-    short = falls_short(setup, problem, fit)
+    if noisy:
+        found = replace(found, evidence={**found.evidence, "noise": noisy.level.tolist()})
+    if noisy and noisy.reason and (found.kind == "normal" or depends):
+        return replace(found, kind="noise", reason=noisy.reason)
+    short = falls_short(setup, problem, fit, noisy.level if noisy else None)
     if found.kind != "normal":
         return found
     if not short:

@@ -20,6 +20,7 @@ from evertwin.models.corrected import Corrected
 from evertwin.models.form import Version
 from evertwin.refit.answering import changed_since, event, not_told
 from evertwin.refit.judgement import NEARLY_ALL
+from evertwin.refit.newest import after
 from evertwin.refit.physical import physically
 from evertwin.setup.evaluation import left
 from evertwin.setup.setup import Setup
@@ -113,9 +114,12 @@ class Tuner:
         version, worse = (live, None) if task.held else (version, worse)
         if version.form != live.form or not (task.held or worse):
             return windows, []
-        place = changed(windows, lambda rows: self.problem(version, rows, names))
-        old, new = split(windows, place)
-        if not place or not (worse is None or self.follows(version, worse, old)):
+        near = after(windows, task.rose - self.setup.enough) if task.rose else windows
+        place = changed(near, lambda rows: self.problem(version, rows, names))
+        old, new = split(near, place)
+        if not place or new[0].row < task.rose:
+            return windows, []
+        if worse is not None and not self.follows(version, worse, old):
             return windows, []
         rows = sum(len(block.t) for block in new)
         if rows < ENOUGH * len(names):

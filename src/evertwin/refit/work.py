@@ -152,18 +152,19 @@ class Work(Tuner):
     def _surpassing(self, task: Task, rival: Version, content: dict[str, Any]) -> dict[str, Any]:
         """Of an answer: what a fit found and what to do next, or a candidate that is better than
         the rival; much better than one whose trial goes well, for that would be lost."""
-        found = content.get("candidate")
         if "sensor" in content:
             return content
-        if found is not None:
-            unseen = after(task.windows, rival.row)
-            rows = newer(unseen, self.setup.enough) or task.windows
+        if (found := content.get("candidate")) is not None:
+            unseen = after(task.windows, max(rival.row, content.get("since", rival.row)))
+            every = unseen if "since" in content else task.windows
+            rows = newer(unseen, self.setup.enough) or every
             new = left(self.setup, *self._made(task.version, found), rows, self.known)
             gain = MUCH if self._pays(task, rival, unseen) else self.setup.trial.margin
             if np.nanmean(new / self.left(rival, rows)) <= 1.0 - gain:
                 return content
-        keys = ("next", "lacking", *(("fit", "against") if task.kind == "fit" else ()))
-        return {"events": []} | {k: content[k] for k in keys if k in content}
+        keys = ("next", "lacking", "since", *(("fit", "against") if task.kind == "fit" else ()))
+        return {k: content[k] for k in keys if k in content} | {
+            "events": [one for one in content["events"] if one["kind"] == "changed"]}  # fmt: skip
 
     def _pays(self, task: Task, rival: Version, unseen: Windows) -> bool:
         """Is the rival better than the live version on the rows that came after it?"""
@@ -333,7 +334,7 @@ class Work(Tuner):
             other = other or (silent(rows) if rows and names else None)
             if other:
                 return of_a_sensor(other)
-        if task.held and names:
+        if task.held and names and not task.rose:
             new = suddenly(windows, lambda rows: self.problem(version, rows, names))
             if sum(len(block.t) for block in new) >= ENOUGH * len(names):
                 content = self._corrected(version, new)

@@ -20,7 +20,9 @@ from evertwin.anomaly import (
     CusumState,
     Drift,
     DriftState,
+    Level,
     Residuals,
+    Rise,
     SnrLimit,
     SnrState,
 )
@@ -29,6 +31,7 @@ from evertwin.anomaly.run_length import run_length
 from evertwin.config.spec import AnomalySpec
 from evertwin.fold import Event, Record
 from evertwin.setup.released import Released
+from evertwin.signals import Layout
 
 FEW, WORTH, CUT = 300, 100.0, 4.0
 """Residuals that calibrate at least, however long a prediction is, and what they must be worth; so
@@ -69,7 +72,7 @@ class DetectState(NamedTuple):
 
     >>> DetectState._fields
     ('cusum', 'drift', 'snr', 'told', 'pending', 'false', 'calm',
-    'since', 'watched', 'tried')
+    'since', 'watched', 'level', 'risen', 'tried')
     """
 
     cusum: CusumState
@@ -89,6 +92,10 @@ class DetectState(NamedTuple):
     """Rows that had been watched at the newest of them, int64 (ny, 2)."""
     watched: int
     """Rows in which alarms could come."""
+    level: np.ndarray
+    """What each output is usually off by (`evertwin.anomaly.level`)."""
+    risen: Rise
+    """The newest rise of that which was not yet acted on."""
     tried: int = 0
     """Calm rows at the last attempt to calibrate on a span that the twin file sets."""
 
@@ -97,13 +104,14 @@ class DetectState(NamedTuple):
 class Detect:
     """The detectors together. Built by `Detect.of`.
 
-    >>> Detect.of(AnomalySpec(), ("x",), np.array([True]), 1).columns
+    >>> Detect.of(AnomalySpec(), Layout.of(x="m"), np.array([True]), 1).columns
     (0,)
     """
 
     cusum: Cusum
     drift: Drift
     snr: SnrLimit
+    level: Level
     columns: tuple[int, ...]
     """Outputs that are watched."""
     use_snr: bool
@@ -112,20 +120,20 @@ class Detect:
 
     @classmethod
     def of(
-        cls, spec: AnomalySpec, names: tuple[str, ...], watched: np.ndarray, phases: int,
+        cls, spec: AnomalySpec, outputs: Layout, watched: np.ndarray, phases: int,
         rows: int = 1,
     ) -> Detect:  # fmt: skip
         """As the twin file says. ``rows`` from residual to residual: so many fewer calibrate, as
         it is of the machine that enough has to be seen."""
         columns = tuple(int(k) for k in np.flatnonzero(watched))
-        chosen = tuple(names[k] for k in columns)
+        chosen = tuple(outputs.names[k] for k in columns)
         calm = Calm(false_alarms_per_month=spec.false_alarms_per_month)
         if rows > 1:
             calm = replace(calm, least=max(calm.least // rows, FEW), independent=WORTH, clip=CUT)
         limit = SnrLimit(chosen, spec.snr or 6.0, phases=phases, orders=calm.orders)
         return cls(
             Cusum(chosen, calm, phases), Drift(chosen, phases=phases, orders=calm.orders), limit,
-            columns, spec.snr > 0, spec.calibration,
+            Level.of(outputs, watched), columns, spec.snr > 0, spec.calibration,
         )  # fmt: skip
 
     def init(self) -> DetectState:
@@ -134,7 +142,7 @@ class Detect:
         told, none = np.full(ny, -QUIET, dtype=np.int64), np.zeros((ny, 2), dtype=np.int64)
         return DetectState(
             self.cusum.init(), self.drift.init(), self.snr.init(), told, Alarm(), none,
-            np.zeros((ny, 3)), none.copy(), 0,
+            np.zeros((ny, 3)), none.copy(), 0, self.level.init(), Rise(),
         )  # fmt: skip
 
     def anew(self, state: DetectState) -> DetectState:
@@ -146,6 +154,12 @@ class Detect:
 
     def step(self, state: DetectState, rows: Released) -> tuple[DetectState, tuple[Event, ...]]:
         """More rows; consumes ``state``."""
+        counts = rows.moving & ~rows.outside[:, None]
+        level, risen = self.level.step(state.level, rows.row, rows.live, counts, rows.end)
+        return self._limits(state._replace(level=level, risen=(state.risen, *risen)[-1]), rows)
+
+    def _limits(self, state: DetectState, rows: Released) -> tuple[DetectState, tuple[Event, ...]]:
+        """What is beyond what was calm."""
         every = len(self.columns) == rows.live.shape[1]
         live = rows.live if every else rows.live.take(self.columns, axis=1)
         seen, unknown = Residuals(rows.row, rows.t, live, rows.phase), np.isnan(live)
@@ -194,7 +208,7 @@ class Detect:
     def quiet(self, state: DetectState) -> bool:
         """Has a beat nothing to do for the detectors until one of them alarms?"""
         ready = state.cusum.calibration.ready and state.drift.calibration.ready
-        return ready and not state.pending.kind
+        return ready and not state.pending.kind and not state.risen.name
 
     def beat(
         self, state: DetectState, task_end: bool = False

@@ -189,10 +189,12 @@ def as_required(
     return np.asarray(rms / setup.sizes(np.concatenate(measured)))
 
 
-def falls_short(setup: Setup, problem: Problem, fit: Fit) -> str:
-    """Which output stays outside the requirement after tuning; empty where all reach it."""
+def falls_short(setup: Setup, problem: Problem, fit: Fit, noise: PerOutput | None = None) -> str:
+    """Which output stays outside the requirement after tuning, and above what ``noise`` makes of
+    it; empty where all reach it."""
+    least = np.zeros(len(setup.watched)) if noise is None else noise
     for k, left in enumerate(off_after(setup, problem, fit)):
-        if setup.watched[k] and left > setup.requirement:
+        if setup.watched[k] and left > max(setup.requirement, least[k]):
             name, limit = fit.residuals[k].output, setup.shown(k, setup.requirement)
             return f"tuned, {name} is still off by {setup.shown(k, left)} (limit {limit})"
     return ""

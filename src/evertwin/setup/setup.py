@@ -358,7 +358,7 @@ class Setup:
         phases = self.steps.parts * (1 if self.regimes is None else self.regimes[1].count)
         rate = self.at_horizon.wanted and (self.spec.clock.rate or self.measured_rate)
         rows = max(round(self.horizon * rate), 1) if rate else 1
-        return Detect.of(self.spec.anomaly, self.model.outputs.names, self.watched, phases, rows)
+        return Detect.of(self.spec.anomaly, self.model.outputs, self.watched, phases, rows)
 
     @property
     def known_rate(self) -> float | None:

@@ -32,7 +32,7 @@ class Task(NamedTuple):
 
     >>> Task._fields
     ('kind', 'version', 'windows', 'tunings', 'held', 'waits', 'rival', 'commissioned',
-    'cause', 'earlier', 'replaced', 'doubt', 'former', 'seen')
+    'cause', 'earlier', 'replaced', 'doubt', 'former', 'rose', 'seen')
     """
 
     kind: str
@@ -43,8 +43,9 @@ class Task(NamedTuple):
     tunings: int
     """Tunings so far: the schedule's position."""
     held: bool = False
-    """Has the version been found within the requirement? Then it may be the machine that changed.
-    One that never held may be wrong in another way at each speed, which looks alike."""
+    """Has the version been found within the requirement, or off by as much all the while until it
+    rose? Then it may be the machine that changed. One that never held may be wrong in another way
+    at each speed, which looks alike."""
     waits: bool = False
     """Is it asked again when more rows are there, should these say too little?"""
     rival: Version | None = None
@@ -60,5 +61,7 @@ class Task(NamedTuple):
     doubt: Doubt = Doubt()
     former: tuple[Version, ...] = ()
     """The newest that were live before the version: a repair may bring one of them back."""
+    rose: int = 0
+    """Row from which on it may be another machine; 0: from any on."""
     seen: np.ndarray | None = None
     """Lowest and highest value of each input on rows before all these that the version ran on."""

@@ -95,6 +95,10 @@ class Agenda(NamedTuple):
     """Row from which a new training sequence has enough rows; 0: none is going on."""
     again: int = 0
     """Row of a suspicion that rows were too few to explain; 0: there is none."""
+    risen: int = 0
+    """Row at which its deviation was found to be a larger one; 0: not since the last fit."""
+    rose: int = 0
+    """Row from which on it is."""
     held: bool = False
     """Has the live version been found within the requirement?"""
     told: bool = False

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from evertwin.starter.proposal import (
         Derivation as Derivation, Match as Match, Proposal as Proposal,
     )  # fmt: skip
+    from evertwin.starter.reach import unforeseen as unforeseen
     from evertwin.starter.seen import Seen as Seen, look as look
 
 __getattr__ = surface(__name__)

@@ -33,6 +33,8 @@ EFFORTS = {"force", "torque"}
 TRIED = 100
 """Predictions that a recording has room for: those that tell of a deviation, and those of a
 trial."""
+ROOM = 1.25
+"""So many times what cannot be foretold is asked at least."""
 FASTEST = 200.0
 """Rows per second that a static map is resampled to at most: motion is slower."""
 
@@ -53,6 +55,8 @@ class Source:
     period: float | None
     """Seconds from row to row: of the column of time, or what a constant column says."""
     matches: tuple[Match, ...]
+    holds: bool = False
+    """Are these commands, which hold from one row to the next however far it is?"""
 
 
 @dataclass(frozen=True)
@@ -69,6 +73,8 @@ class Draft:
     model: Model | None
     seen: tuple[Seen, ...]
     proposal: Proposal
+    reach: float = 0.0
+    """What noise and rows that are far apart make of such predictions [SI]; 0: it is not known."""
 
     @property
     def sources(self) -> tuple[Source, ...]:
@@ -81,9 +87,17 @@ class Draft:
                 name, tuple(os.path.relpath(f.resolve(), here) for f in self.seen[s].files),
                 _pattern(self.seen[s]) if self._apart(used) else "", self.seen[s].table.time,
                 _period(self.seen[s]), tuple(m for m in self.proposal.matches if m.source == s),
+                self._held(s),
             )
             for name, s in zip(names, used, strict=True)
         )  # fmt: skip
+
+    def _held(self, source: int) -> bool:
+        """Does a table give inputs alone, by rows that come as they change, or say nothing new?"""
+        found = [m for m in self.proposal.matches if m.source == source]
+        inputs = () if self.model is None else self.model.inputs.names
+        own = found and all(m.channel in inputs for m in found)
+        return bool(own and self.seen[source].holds([m.column for m in found if m.column != ASK]))
 
     def _apart(self, used: Sequence[int]) -> bool:
         return len({self.seen[s].files for s in used}) > 1
@@ -113,8 +127,10 @@ class Draft:
 
     @property
     def period(self) -> float | None:
-        """Seconds from row to row, of the slowest source; None where one does not say it."""
-        periods = [source.period for source in self.sources]
+        """Seconds from row to row, of the slowest source that does not hold what it says; None
+        where one does not say it."""
+        sources = [s for s in self.sources if not s.holds] or self.sources
+        periods = [source.period for source in sources]
         known = [period for period in periods if period is not None]
         return max(known) if len(known) == len(periods) else None
 
@@ -237,9 +253,16 @@ class Draft:
 
     @property
     def asked(self) -> float:
-        """A round fiftieth of the spread in SI; 0 where it is not known."""
+        """A round fiftieth of the spread in SI, or what can be reached; 0: neither is known."""
         size, unit = self.spread
-        return float(f"{0.02 * size * conversion(unit)[0]:.1g}") if size > 0.0 else 0.0
+        usual = float(f"{0.02 * size * conversion(unit)[0]:.1g}") if size > 0.0 else 0.0
+        return max(usual, _digit(ROOM * self.reach, math.ceil)) if self.reach > 0.0 else usual
+
+    @property
+    def required(self) -> str:
+        """The same as a twin file writes it; empty where it is not known."""
+        unit = self.spread[1]
+        return f"{self.asked / conversion(unit)[0]:g} {unit}" if self.share(0.02) else ""
 
     @property
     def ladder(self) -> tuple[str, ...]:

@@ -28,6 +28,9 @@ ROWS = 50_000
 """Rows that relations between columns are told from."""
 LOST = 0.5
 """Share of a table's rows from which on it is not looked at what the others tell."""
+HELD, UNEVEN = 0.5, 2.0
+"""Share of the rows that repeat the one before, and longest step over shortest without the rarest
+twentieths, from which on a table is not sampled: it says what holds until it says more."""
 FIXED = ("odom", "map", "world", "earth")
 """Frames that are no part of a machine (REP-105)."""
 
@@ -57,6 +60,16 @@ class Seen:
     def values(self, column: str) -> Vector:
         """The first rows of a column."""
         return self.rows[:, [c.name for c in self.columns].index(column)]
+
+    def holds(self, columns: Sequence[str]) -> bool:
+        """Do these columns hold their values from row to row? Most rows repeat the one before, or
+        they come as often as something changes."""
+        time = self.table.time
+        if time is None or not columns or len(self.rows) < 2:
+            return False
+        values = np.column_stack([self.values(name) for name in columns])
+        same = (values[1:] == values[:-1]).all(axis=1)
+        return bool(same.mean() > HELD or time.period_high > UNEVEN * time.period_low)
 
     @cached_property
     def shared(self) -> frozenset[str]:
