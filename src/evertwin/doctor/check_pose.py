@@ -20,7 +20,7 @@ from evertwin.refit.posterior import posterior
 ROWS = 3000
 """Rows of each recording that are looked at."""
 STEPS = {
-    "lever": "give the pose of the point about which the base turns, or let it be learned",
+    "lever": "say so by ahead and aside in [model] options, or let it be learned",
     "current": "let it be learned, if something carries the base",
 }
 """Kinds of term that are told, and what to do then."""
