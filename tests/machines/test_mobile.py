@@ -15,12 +15,15 @@ from evertwin.models import Compiled, check_model
 BASES = [
     Robot1D(), Odometer(), Differential(), Differential(wheels=True), Omni(),
     Omni(wheels=True, gear=16.0), Omni(wheels=True, odometry=True),
-    Bicycle(1.4, 0.3), Bicycle(1.4, front_drive=True),
+    Bicycle(1.4, 0.3), Bicycle(1.4, front_drive=True, aside=-0.2),
+    Differential(ahead=0.2, aside=0.1), Differential(wheels=True, aside=0.1), Omni(ahead=-0.2),
+    Omni(wheels=True, odometry=True, ahead=0.1, aside=-0.2),
 ]  # fmt: skip
 STEPS = [
     kernels.travel_step, kernels.travel_step, kernels.twist_step, kernels.wheel_step,
     kernels.omni_step, kernels.three_wheel_step, kernels.three_wheel_step,
-    kernels.steered_step, kernels.steered_step,
+    kernels.steered_step, kernels.steered_step, kernels.twist_step, kernels.wheel_step,
+    kernels.omni_step, kernels.three_wheel_step,
 ]  # fmt: skip
 
 
@@ -116,3 +119,26 @@ def test_a_wheel_has_a_size() -> None:
         Differential(wheels=True, wheel_radius=0.0)
     with pytest.raises(UsageError, match="expected gear above 0 1, got 0"):
         Omni(wheels=True, gear=0.0)
+
+
+OFF = {
+    "differential": (Differential(), Differential(ahead=0.3, aside=-0.2)),
+    "wheels": (Differential(wheels=True), Differential(wheels=True, ahead=0.3, aside=-0.2)),
+    "steered": (Bicycle(1.4), Bicycle(1.4, 0.3, aside=-0.2)),
+    "omni": (Omni(), Omni(ahead=0.3, aside=-0.2)),
+    "three wheels": (Omni(wheels=True), Omni(wheels=True, ahead=0.3, aside=-0.2)),
+}
+
+
+@pytest.mark.parametrize("name", OFF)
+def test_a_point_off_the_base_goes_with_it(name: str) -> None:
+    """Its position is that of the base and the turned lever, at every row."""
+    (own, off), rng = OFF[name], np.random.default_rng(0)
+    u, dt = np.repeat(rng.normal(size=(20, len(own.inputs))), 50, axis=0), np.full(1000, 0.002)
+    _, base = own.simulate(np.zeros(3), u, dt, own.parameters.values)
+    _, seen = off.simulate(np.array([0.3, -0.2, 0.0]), u, dt, off.parameters.values)
+    c, s = np.cos(base[:, 2]), np.sin(base[:, 2])
+    x, y = base[:, 0] + 0.3 * c + 0.2 * s, base[:, 1] + 0.3 * s - 0.2 * c
+    assert np.allclose(seen[:, 0], x, atol=1e-3) and np.allclose(seen[:, 1], y, atol=1e-3)
+    assert set(off.parameters.names) - set(own.parameters.names) <= {"ahead", "aside"}
+    assert off.parameters.editable == own.parameters.editable

@@ -41,6 +41,8 @@ TERMS = {
     "share": Term("coupling", "v", "w", variant="share"),
     "surface": Term("surface", "v", "w", levels=GRID, levels2=GRID),
     "state": Term("state", "x"),
+    "lever": Term("lever", "*"),
+    "current": Term("current", "*"),
 }
 
 

@@ -9,9 +9,14 @@
 
 from __future__ import annotations
 
-from evertwin.correction.stack import Stack
+import math
+
+from evertwin.correction.stack import Part, Stack
 from evertwin.models.corrected import Corrected
 from evertwin.models.terms.contract import Intervals
+
+NEAR = 1e-6
+"""Share of what was sought that is next to its end."""
 
 
 def describe(stack: Stack, intervals: Intervals | None = None) -> tuple[str, ...]:
@@ -26,5 +31,16 @@ def describe(stack: Stack, intervals: Intervals | None = None) -> tuple[str, ...
         names = zip(model.names_of(k), model.local_names_of(k), strict=True)
         local = {own: known[name] for name, own in names if name in known}
         unit = part.kind.unit(part.term, stack.base)
-        said.append(part.kind.say(part.term, part.values, unit, local))
+        said.append(part.kind.say(part.term, part.values, unit, local) + _ends(part))
     return tuple(said)
+
+
+def _ends(part: Part) -> str:
+    """Which numbers lie where their search ended: the machine's may lie beyond."""
+    items = part.kind.parameters(part.term, "1", "1")
+    ends = [
+        item.name
+        for item, value, low, high in zip(items, part.values, part.low, part.high, strict=False)
+        if value != item.value and min(value - low, high - value) <= NEAR * (high - low) < math.inf
+    ]
+    return f", {' and '.join(ends)} where the search ended: it may lie beyond" if ends else ""

@@ -8,6 +8,7 @@ where, why, and the next step. Nothing is changed.
 * `look_rates`: positions against the speeds that were measured with them;
 * `look_units`: factors, signs and lags between what is predicted and what is measured;
 * `look_inputs`: measured inputs that are taken for commands;
+* `look_pose`: a pose that is measured elsewhere, or carried along;
 * `look_clocks`: offset, drift and shared lag between the clocks of two or more sources;
 * `look_tuning`: what the rows determine of the parameters, knobs and bounds;
 * `look_settings`: horizon, tolerance, requirement and action space against noise and range.
@@ -18,6 +19,7 @@ from __future__ import annotations
 from evertwin.doctor.check_clocks import look_clocks
 from evertwin.doctor.check_data import look_data
 from evertwin.doctor.check_inputs import look_inputs
+from evertwin.doctor.check_pose import look_pose
 from evertwin.doctor.check_rates import look_rates
 from evertwin.doctor.check_samples import look_samples
 from evertwin.doctor.check_settings import look_bounds, look_settings, look_tuning
@@ -54,6 +56,7 @@ def diagnose(setup: Setup, versions: Versions, number: int, data: Data) -> Diagn
     if not units:
         found += look_lags(seen, figures)
         found += look_clocks(seen, figures)
+        found += look_pose(seen)
     found += look_bounds(setup, versions, version)
     found += look_tuning(seen, figures)
     found += look_settings(seen, figures)

@@ -13,9 +13,10 @@ from evertwin.types import Json
 
 RANKS = (
     "model_failed", "sentinel", "not_tuned", "lost", "unrelated", "unit", "sign", "exchanged",
-    "turned", "rate", "repeated", "missing", "frozen", "clock", "command", "lag", "held", "jump",
-    "absurd", "range", "gap", "not_possible", "not_connected", "horizon", "requirement",
-    "tolerance", "gate", "tuning", "at_bound", "not_identifiable", "weak", "shared",
+    "turned", "rate", "repeated", "missing", "frozen", "clock", "command", "lag", "lever",
+    "current", "held", "jump", "absurd", "range", "gap", "not_possible", "not_connected",
+    "horizon", "requirement", "tolerance", "gate", "tuning", "at_bound", "not_identifiable",
+    "weak", "shared",
 )  # fmt: skip
 """Kinds of finding, what spoils a result most first."""
 SHOWN = 5
@@ -32,9 +33,10 @@ class Finding:
     """
 
     kind: str
-    """unrelated, unit, sign, exchanged, turned, not_tuned, command, lag, rate, held, repeated,
-    clock, gap, frozen, absurd, missing, sentinel, lost, not_identifiable, weak, not_connected,
-    at_bound, shared, range, horizon, tolerance, requirement, not_possible, model_failed."""
+    """unrelated, unit, sign, exchanged, turned, not_tuned, command, lag, lever, current, rate,
+    held, repeated, clock, gap, frozen, absurd, missing, sentinel, lost, not_identifiable, weak,
+    not_connected, at_bound, shared, range, horizon, tolerance, requirement, not_possible,
+    model_failed."""
     subject: str
     """Channel, parameter or setting."""
     reason: str

@@ -8,8 +8,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+from evertwin.correction.describe import describe
+from evertwin.correction.stack import stack_of
 from evertwin.fold import Event
 from evertwin.ledger.versions import Versions
+from evertwin.models.corrected import Corrected, build
 from evertwin.models.form import Version
 from evertwin.outcome.open_trial import shorter
 from evertwin.setup.setup import Setup
@@ -29,11 +32,15 @@ def changes(setup: Setup, versions: Sequence[Version], events: Sequence[Event] =
     champion = versions[0]
     tuned, *terms = champion.reason.split("; ")
     names = [name.removesuffix(" (weak)") for name in tuned.removeprefix("tuned ").split(", ")]
+    found = _found(setup, champion, versions[-1])
+    if found.keys() & set(names):
+        names = [name for name in names if name not in found]
+        terms = [*dict.fromkeys(found.values()), *terms]
     old = {item.name: item.value for item in setup.model.parameters}
     for before in versions[1:]:
         old |= zip(before.names, before.values, strict=True)
     now = dict(zip(champion.names, champion.values, strict=True))
-    units = {item.name: item.unit for item in setup.model.parameters}
+    units = {item.name: item.unit for item in build(setup.model, champion.form).parameters}
     if not tuned.startswith("tuned ") or not set(names) <= set(now) & set(old) & set(units):
         return shorter(champion.reason)
     between = [dict(zip(one.names, one.values, strict=True)) for one in versions[1:-1][::-1]]
@@ -46,6 +53,20 @@ def changes(setup: Setup, versions: Sequence[Version], events: Sequence[Event] =
     steps = {name: [one.get(name, old[name]) for one in between] for name in names}
     told = in_words(moves, units, _halves(now, events), weak, steps)
     return "; ".join([told, *terms[:FEW]])
+
+
+def _found(setup: Setup, version: Version, before: Version) -> Mapping[str, str]:
+    """The numbers of terms that a version has and one ``before`` had not: by sentences."""
+    model = build(setup.model, version.form)
+    if not isinstance(model, Corrected):
+        return {}
+    said = describe(stack_of(setup.model, version.form, version.p))
+    return {
+        name: sentence
+        for part, sentence in zip(model.parts, said, strict=True)
+        for name in part.names
+        if part.term not in before.form.terms
+    }
 
 
 def in_words(

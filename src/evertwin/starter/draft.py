@@ -30,6 +30,8 @@ PERIODS = ("ts", "dt", "t_s", "sampling_time", "sample_time")
 NAMED = 3
 """Recordings that are named in the first line."""
 EFFORTS = {"force", "torque"}
+POSED = ("bicycle", "differential", "omni")
+"""Bases whose pose in the plane is told."""
 TRIED = 100
 """Predictions that a recording has room for: those that tell of a deviation, and those of a
 trial."""
@@ -296,7 +298,8 @@ class Draft:
         if self.kind == "thermal":
             return ("lag", "table", "law", "state")
         coupled = ("coupling",) if len(self.corrected) > 1 else ()
-        return ("lag", *coupled, "table", "law")
+        posed = ("lever", "current") if self.kind in POSED else ()
+        return ("lag", *coupled, *posed, "table", "law")
 
     @property
     def _goes(self) -> bool:
@@ -304,7 +307,7 @@ class Draft:
 
     @property
     def _base(self) -> bool:
-        return self.kind in ("bicycle", "differential", "omni", "odometer", "robot1d")
+        return self.kind in (*POSED, "odometer", "robot1d")
 
     @property
     def questions(self) -> tuple[str, ...]:

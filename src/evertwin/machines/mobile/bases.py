@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from evertwin.errors import UsageError
+from collections.abc import Sequence
+
+from evertwin.errors import UsageError, nearest
 from evertwin.machines.mobile import kernels
 from evertwin.models import Compiled, Parameter, Parameters
 from evertwin.signals import Channel, Layout
@@ -11,8 +13,24 @@ HEADING = Channel("heading", "rad", kind="angle", group="pose")
 POSE = Layout((Channel("x", "m", group="pose"), Channel("y", "m", group="pose"), HEADING))
 
 
+POINT = ("ahead", "aside")
+"""Where the pose is measured, from a base's own point."""
+OMNI = ("wheels", "wheel_radius", "wheel_distance", "gear", "odometry")
+"""Options of an omnidirectional base besides."""
+
+
 def _gain(name: str) -> Parameter:
     return Parameter(name, 1.0, "1", low=0.2, high=5.0, source="as commanded")
+
+
+def _point(items: Sequence[Parameter], **sides: float) -> tuple[Parameters, tuple[int, int]]:
+    """The numbers of a base with how far ``ahead`` of its own point, and ``aside`` to the left, its
+    pose is measured, where it is; and their places."""
+    given = [Parameter(n, value, "m", editable=False) for n, value in sides.items() if value]
+    found = Parameters((*items, *given))
+    names = found.names
+    ahead, aside = (names.index(n) if n in names else 0 for n in POINT)
+    return found, (ahead, aside)
 
 
 def _motors(*names: str) -> Layout:
@@ -50,13 +68,17 @@ class Differential(Compiled):
     w = r·(right − left)/b. On a skid-steered base b is an effective length, larger than the real
     one.
 
+    ``ahead`` and ``aside`` [m] say how far before and to the left of the axle's middle the pose is
+    measured (a marker, an antenna), on any base with a pose; each is a number where it is not 0.
+
     >>> Differential().inputs.names, Differential(wheels=True, wheel_radius=0.3).inputs.names
     (('v', 'w'), ('left', 'right'))
     """
 
     def __init__(
-        self, wheels: bool = False, wheel_radius: float = 0.1, wheel_base: float = 0.5
-    ) -> None:
+        self, wheels: bool = False, wheel_radius: float = 0.1, wheel_base: float = 0.5,
+        ahead: float = 0.0, aside: float = 0.0,
+    ) -> None:  # fmt: skip
         if min(wheel_radius, wheel_base) <= 0.0:
             raise UsageError(
                 f"expected wheel_radius and wheel_base above 0 m, got {wheel_radius}, {wheel_base}"
@@ -69,7 +91,8 @@ class Differential(Compiled):
                 Parameter("wheel_radius", wheel_radius, "m", 0.2 * wheel_radius, 5 * wheel_radius),
                 Parameter("wheel_base", wheel_base, "m", 0.2 * wheel_base, 5 * wheel_base),
             )
-        super().__init__(inputs, POSE, POSE, Parameters(items), step, observe, (3,))
+        numbers, at = _point(items, ahead=ahead, aside=aside)
+        super().__init__(inputs, POSE, POSE, numbers, step, observe, (3, *at))
 
 
 class Bicycle(Compiled):
@@ -78,17 +101,18 @@ class Bicycle(Compiled):
 
     The kinematic bicycle: the rear axle goes along the heading, which turns by v·tan(angle)/b. With
     ``front_drive`` the speed is that of the steered wheel, and the heading turns by v·sin(angle)/b.
-    ``wheel_base`` b [m], and how far before the rear axle the pose is measured (``ahead`` [m]),
-    come from the description. Both can be tuned, b not beside the gain of the steering: small
-    angles tell their ratio alone.
+    ``wheel_base`` b [m], and how far before and to the left of the rear axle's middle the pose is
+    measured (``ahead``, ``aside`` [m]), come from the description. All can be tuned, b not beside
+    the gain of the steering: small angles tell their ratio alone.
 
     >>> Bicycle(wheel_base=1.4).inputs.names, Bicycle().parameters.editable
     (('v', 'steering'), ('gain', 'steering_gain', 'steering_offset'))
     """
 
     def __init__(
-        self, wheel_base: float = 1.0, ahead: float = 0.0, front_drive: bool = False
-    ) -> None:
+        self, wheel_base: float = 1.0, ahead: float = 0.0, front_drive: bool = False,
+        aside: float = 0.0,
+    ) -> None:  # fmt: skip
         if not wheel_base > 0.0:
             raise UsageError(f"expected a wheel_base above 0 m, got {wheel_base}")
         reach = 5.0 * wheel_base
@@ -98,9 +122,10 @@ class Bicycle(Compiled):
             Parameter("wheel_base", wheel_base, "m", 0.2 * wheel_base, reach, editable=False),
             Parameter("ahead", ahead, "m", -reach, reach, editable=False),
         )  # fmt: skip
+        numbers, at = _point(items, aside=aside)
         super().__init__(
-            Layout.of(v="m/s", steering="rad"), POSE, POSE, Parameters(items),
-            kernels.steered_step, kernels.observe, (3, int(front_drive)),
+            Layout.of(v="m/s", steering="rad"), POSE, POSE, numbers,
+            kernels.steered_step, kernels.observe, (3, *at, int(front_drive)),
         )  # fmt: skip
 
 
@@ -134,7 +159,7 @@ class Omni(Compiled):
     floor's resistance takes of the motors' speeds, each by its share of the way (Euclidean norm
     over the three). Sizes come from the description. With ``odometry`` the pose follows the
     measured motor speeds, further inputs ``wheel1`` to ``wheel3``, so that each loss is judged on
-    rows of its own.
+    rows of its own. ``ahead`` and ``aside`` [m] as of a differential base.
 
     >>> Omni().parameters.names, Omni(wheels=True).outputs.names
     (('gain', 'side_gain', 'turn_gain'), ('x', 'y', 'heading', 'motor1', 'motor2', 'motor3'))
@@ -142,8 +167,10 @@ class Omni(Compiled):
 
     def __init__(
         self, wheels: bool = False, wheel_radius: float = 0.04, wheel_distance: float = 0.125,
-        gear: float = 1.0, odometry: bool = False,
+        gear: float = 1.0, odometry: bool = False, **point: float,
     ) -> None:  # fmt: skip
+        for name in point.keys() - set(POINT):
+            raise UsageError(f"omni: no option {name!r}, {nearest(name, (*OMNI, *POINT))}")
         sizes = (("wheel_radius", wheel_radius, "m"), ("wheel_distance", wheel_distance, "m"),
                  ("gear", gear, "1"))  # fmt: skip
         for name, value, unit in sizes:
@@ -157,7 +184,7 @@ class Omni(Compiled):
             outputs = Layout((*POSE.channels, *_motors("motor")))
             load = Parameter("load", 0.0, "rad/s", 0.0, 100.0, source="as commanded")
             items += [load, *(Parameter(*s, low=0.0, editable=False) for s in sizes)]
+        numbers, at = _point(items, **point)
         super().__init__(
-            inputs, outputs, POSE, Parameters(tuple(items)), step, kernels.observe,
-            (3, 3 * odometry),
-        )  # fmt: skip
+            inputs, outputs, POSE, numbers, step, kernels.observe, (3, *at, 3 * odometry)
+        )

@@ -6,8 +6,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from inspect import unwrap
+from typing import Any
 
 import numpy as np
 
@@ -27,7 +29,7 @@ ROWS = 240
 
 
 def check_term(own: CorrectionTerm) -> None:
-    """Checks the laws of a kind on what it proposes for a base with two inputs and two states.
+    """Checks the laws of a kind on what it proposes for a base with two inputs and a pose.
 
     Laws: *proposal* (something is proposed; starts lie within bounds; one start, bound and size for
     every parameter); *neutral* (with the parameters as they are proposed to a model, nothing
@@ -57,19 +59,23 @@ def check_term(own: CorrectionTerm) -> None:
 
 
 def _base() -> FunctionModel:
-    both = Layout.of(x="m", heading="rad")
-    return FunctionModel(
-        lambda x, u, dt, p: ([x[0] + dt * u[0], x[1] + dt * u[1]],) * 2,
-        Layout.of(v="m/s", w="rad/s"), both, both,
-    )  # fmt: skip
+    pose = Layout.of(x="m", y="m", heading="rad")
+    return FunctionModel(_moved, Layout.of(v="m/s", w="rad/s"), pose, pose)
+
+
+def _moved(x: Any, u: Any, dt: float, p: Any) -> Any:
+    way = dt * u[0]
+    ahead = [x[0] + way * math.cos(x[2]), x[1] + way * math.sin(x[2]), x[2] + dt * u[1]]
+    return ahead, ahead
 
 
 def _recording() -> Block:
     """Commands that are held for a while, both ways and zero."""
     rng = np.random.default_rng(0)
     pick = rng.choice(np.linspace(-0.2, 0.2, 9), (ROWS // 8, 2)) * (1.0, 3.0)
-    u = np.repeat(pick, 8, axis=0)
-    return make_block(t=np.arange(ROWS) * 10**8, u=u, y=0.1 * u.cumsum(axis=0))
+    u, dt = np.repeat(pick, 8, axis=0), np.full(ROWS, 0.1)
+    y = _base().simulate(np.zeros(3), u, dt, np.zeros(0))[1]
+    return make_block(t=np.arange(ROWS) * 10**8, u=u, y=y)
 
 
 def _proposal(candidate: Candidate, model: Corrected) -> None:
@@ -94,7 +100,7 @@ def _neutral(candidate: Candidate, model: Corrected) -> None:
     u = np.array([*(candidate.term.levels or (-0.1, 0.2)), 0.0])
     u = np.stack([u, np.resize(candidate.term.levels2 or (0.0, 0.3), len(u))], axis=1)
     dt = np.full(len(u), 0.1)
-    bare = model.model.simulate(np.zeros(2), u, dt, np.zeros(0))[1]
+    bare = model.model.simulate(np.zeros(3), u, dt, np.zeros(0))[1]
     off = float(np.abs(model.simulate(model.initial(p), u, dt, p)[1] - bare).max())
     if not off <= 1e-9:
         raise LawBroken(f"neutral: {candidate.term} at {p.tolist()} changes outputs by {off:.3g}")

@@ -15,6 +15,7 @@ from evertwin.models.contract import Model
 from evertwin.models.form import Term
 from evertwin.models.parameters import Parameter
 from evertwin.models.terms.contract import (
+    SHAPED,
     SIMPLE,
     Candidate,
     CorrectionTerm,
@@ -39,8 +40,13 @@ STARTS = (
     (0.55, 0.05),
     (0.7, 0.05),
     (0.85, 0.05),
+    (0.1, 1.0),
+    (0.1, 3.0),
 )
 """Delays and time constants that the search begins at, in horizons."""
+SLOW = 10.0
+"""Largest time constant that is sought, in horizons: what was commanded before a prediction began
+is remembered, so that slower ones show, too."""
 LONG = 1e6
 """Seconds for which the first command is taken to have been held before it was seen."""
 
@@ -147,16 +153,18 @@ class Lag(CorrectionTerm):
         return found
 
     def propose(self, rows: Rows) -> Iterator[Candidate]:
-        """Delay and time constant up to the horizon: what comes later shows in no prediction."""
-        if not rows.chosen:
-            return
-        horizon = rows.horizon
+        """A delay up to the horizon, whose changes are remembered, and a time constant that may be
+        longer."""
+        horizon, chosen = rows.horizon, rows.chosen
         capacity = min(changes_within(rows.windows, horizon) + 2, MOST)
         starts = tuple((a * horizon, b * horizon) for a, b in STARTS)
-        yield Candidate(
-            Term(self.kind, "*", levels=(float(capacity),)), SIMPLE, starts,
-            (0.0, 1e-3 * horizon), (horizon, horizon), (0.05 * horizon,) * 2,
-        )  # fmt: skip
+        # one that all inputs share first; what an input has beyond it, where there are others
+        tiers = {"*": SIMPLE} | dict.fromkeys(chosen if len(rows.model.inputs) > 1 else (), SHAPED)
+        for channel, tier in tiers.items() if chosen else ():
+            yield Candidate(
+                Term(self.kind, channel, levels=(float(capacity),)), tier, starts,
+                (0.0, 1e-3 * horizon), (horizon, SLOW * horizon), (0.05 * horizon,) * 2,
+            )  # fmt: skip
 
     def say(self, term: Term, values: Sequence[float], unit: str, intervals: Intervals) -> str:
         who = "all inputs" if term.channel == "*" else term.channel

@@ -23,7 +23,9 @@ if TYPE_CHECKING:
     from evertwin.models.terms.contract import CorrectionTerm
 
 GROUP = "evertwin.terms"
-KINDS = ("lag", "coupling", "law", "table", "surface", "state", "leak")
+KINDS = (
+    "lag", "coupling", "lever", "current", "law", "table", "surface", "state", "leak"
+)  # fmt: skip
 """Those of the package, each in a file of its name; in the order in which they are tried."""
 
 
