@@ -163,8 +163,8 @@ class Work(Tuner):
             if np.nanmean(new / self.left(rival, rows)) <= 1.0 - gain:
                 return content
         keys = ("next", "lacking", "since", *(("fit", "against") if task.kind == "fit" else ()))
-        return {k: content[k] for k in keys if k in content} | {
-            "events": [one for one in content["events"] if one["kind"] == "changed"]}  # fmt: skip
+        said = [one for one in content.get("events", ()) if one["kind"] == "changed"]
+        return {k: content[k] for k in keys if k in content} | {"events": said}
 
     def _pays(self, task: Task, rival: Version, unseen: Windows) -> bool:
         """Is the rival better than the live version on the rows that came after it?"""

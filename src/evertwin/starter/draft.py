@@ -278,9 +278,17 @@ class Draft:
         if self.kind != "arm":
             return ()
         links = dict.fromkeys(name.partition(".")[0] for name in names if "." in name)
+        links.pop("payload", None)
         alike = bool(links) and all(link.endswith("_link") for link in links)
         bodies = ("*_link.*",) if alike else tuple(f"{link}.*" for link in links)
         return (*(("Ia*",) if "Ia1" in names else ()), *bodies)
+
+    @property
+    def rubs(self) -> tuple[str, ...]:
+        """An arm's friction, as patterns of its names."""
+        free = self.model.parameters.editable if self.model is not None and self.once else ()
+        names = dict.fromkeys(name.rstrip("0123456789") for name in free if "." not in name)
+        return tuple(f"{name}*" for name in names if name != "Ia")
 
     @property
     def corrected(self) -> tuple[str, ...]:

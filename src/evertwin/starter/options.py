@@ -41,4 +41,5 @@ def options_of(kind: str, urdf: Path | None, own: Path) -> Sequence[dict[str, An
     if kind != "arm":
         return [{}]
     # a description's inertias are a start: friction alone would have to explain what they leave
-    return [{"urdf": "ur5_like" if urdf is None else str(urdf), "law": "tanh+load", "base": True}]
+    described = "ur5_like" if urdf is None else str(urdf)
+    return [{"urdf": described, "law": "tanh+load", "base": True, "payload": True}]
