@@ -187,6 +187,32 @@ def test_what_holds_before_each_motion_and_in_it_is_the_machines_own() -> None:
     assert not stage.step(state, later._replace(t=later.t + 20 * 10**9))[1].any()
 
 
+@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("lasts", [150, 250, 400])
+def test_what_comes_once_and_lasts_over_several_motions_does_not_recur(
+    lasts: int, seed: int
+) -> None:
+    """A load of the same size and sign in each motion, to and fro, for as long as it is there."""
+    rng = np.random.default_rng(seed)
+    at = 2000 + int(rng.integers(0, 200))
+    t, n = np.arange(3000), 3000
+    v = np.sin(2 * np.pi * t / 80 + rng.uniform(0.0, 6.0))
+    moving = np.abs(v) > ABOVE
+    r = np.where(moving, rng.normal(0.0, 0.1, n), 0.0)
+    r += np.where((t >= at) & (t < at + lasts), np.where(moving, 3.0, 1.0), 0.0)
+    columns = (a[:, None] for a in (r, np.where(moving, 0.0, FRICTION), v, moving))
+    rows = Seen(0, t * 10**7, *columns, np.full((n, 1), np.nan))
+    stage = External(("a",), RATE)
+    state, told = stage.init(), []
+    for a in range(0, n, 100):
+        state, _ = stage.step(state, Seen(a, *(column[a : a + 100] for column in rows[1:])))
+        state, beat = stage.beat(state)
+        told.append(beat)
+    assert [beat.own for beat in told] == [None] * len(told)
+    (contact,) = {beat.contact.first: beat.contact for beat in told if beat.contact}.values()
+    assert abs(contact.first - at) < 2 * stage.window
+
+
 def test_what_friction_holds_is_not_told_and_without_one_nothing_is() -> None:
     push = np.zeros(3000)
     push[100:300] = 3.9

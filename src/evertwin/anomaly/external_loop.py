@@ -15,14 +15,15 @@ from evertwin.compiled.functions import njit
 RESIDUAL, BEYOND, MOVES = range(3)
 """Columns of the ring of the newest rows."""
 (
-    RUN, WAY, SORT, SINCE, CALM, COUNT, SEEN, OPEN, PART, BEGAN, NEED, SIDE, RESTS, WITH, NUMBERS,
-) = range(15)  # fmt: skip
+    RUN, WAY, SORT, SINCE, CALM, COUNT, SEEN, OPEN, PART, BEGAN, NEED, SIDE, RESTS, WITH, PASSED,
+    NUMBERS,
+) = range(16)  # fmt: skip
 """Places of an output's numbers, and how many. Its motion: rows in one direction, the direction,
 the sort (0 slow, else the direction), row since which, that of the last one that began calm; Σ of
 `BEYOND`; moving rows seen. Off: on which side now, was it in this excursion, sort where it came
 into it, must it still be seen calm, on which side was it last, rows of it at rest: what began with
 a motion but is there at rest, beyond friction, too is no part of that motion. A push begins one.
-Did it come into it with a motion of its own?"""
+Did it come into it with a motion of its own; motions since, off as they began."""
 (
     SQUARE, BASE, NEAR, SLOW, NOISE, HOLD, USUAL, LEVEL, ROWS, EDGE, TOLD, ALIKE, EXPECTED, FIGURES,
 ) = range(14)  # fmt: skip
@@ -54,6 +55,8 @@ SURELY = 5.0
 MOSTLY, SELDOM = 0.6, 0.45
 """Share of motions that have to begin calm for one that does not to be out of the ordinary; the one
 below which it is the machine: what holds it at rest before it breaks loose is no push either."""
+SEVERAL = 3
+"""Motions that pass while an output is off as before: what belongs to one ends with it."""
 AT_ONCE = 0.5
 """Part of its level that an output reaches within half a window, where a motion goes on."""
 
@@ -99,6 +102,10 @@ def moved(row: int, moves: bool, v: float, half: float, k: int, n: int, state: A
         figure[HOLD] = 0.0
     if sort != 0 and row - number[SINCE] == n:
         before, calm = figure[USUAL], number[OPEN] == 0
+        if not calm and machine[OURS] != 0:
+            number[PASSED] += 1
+            if number[PASSED] > 1:  # what came once and is still there does not come again
+                return
         figure[USUAL] += ((1.0 if calm else 0.0) - before) / 4.0
         if calm:
             number[CALM] = number[SINCE]
@@ -155,6 +162,8 @@ def opened(row: int, k: int, stamp: int, driven: bool, ring: Any, state: Any) ->
         if ring[BEYOND, m, k] == number[OPEN] and m != machine[NEXT] % n:
             figure[LEVEL] += abs(ring[RESIDUAL, m, k])
             figure[ROWS] += 1.0
+    if not number[PART] or number[SIDE] != number[OPEN]:
+        number[PASSED] = 0
     number[PART], number[SIDE] = 1, number[OPEN]
     figure[EDGE] = edge(ring[RESIDUAL, :, k], machine[NEXT] % n, number[OPEN])
 
@@ -210,7 +219,8 @@ def settled(row: int, stamp: int, longest: int, n: int, state: Any) -> None:
     if machine[STATE] == ON and stamp - machine[STAMP] > longest:
         machine[STATE], machine[NEWS] = LASTS, machine[NEWS] or row + 1
     if machine[STATE] == ON and not off:
-        own = ((numbers[:, NEED] != 0) & (numbers[:, WITH] != 0)).any()  # it came and went with one
+        # it came and went with one motion, not after several
+        own = (numbers[:, NEED] * numbers[:, WITH] * (numbers[:, PASSED] < SEVERAL) != 0).any()
         told = machine[OURS] and machine[SHARP] and not (own and machine[LATE] > 0)
         machine[STATE] = ENDS if told else IDLE
         machine[LAST] = row
@@ -218,6 +228,7 @@ def settled(row: int, stamp: int, longest: int, n: int, state: Any) -> None:
         return
     for k in range(len(numbers)):
         same = numbers[k, SORT] == numbers[k, BEGAN] or numbers[k, SORT] * numbers[k, BEGAN] != 0
+        same = same or numbers[k, PASSED] >= SEVERAL  # it was there in motions of any sort
         if same and row - numbers[k, SINCE] >= n:
             numbers[k, NEED] = 0
     if not (numbers[:, NEED] != 0).any():
