@@ -38,6 +38,37 @@ def test_noise_beyond_the_requirement_is_told_and_nothing_is_changed(seed: int) 
     assert "the noise of x's measurement alone makes" in found.headline
 
 
+def worse(seed: int, gain: float) -> RunResult:
+    """The same, its noise five times as large from row 600 on, or its gain another one from there
+    on."""
+    rng, rows = np.random.default_rng(seed), 1200
+    v = np.repeat(rng.uniform(-0.2, 0.2, rows // 10), 10)
+    late = np.arange(rows) >= 600
+    x = np.r_[0.0, np.cumsum((np.where(late, gain, 1.0) * v)[:-1])]
+    x += rng.normal(0.0, 0.004, rows) * np.where(late & (gain == 1.0), 5.0, 1.0)
+    spec = TwinSpec(
+        "cart", ModelSpec("robot1d", parameters={"gain": ParameterSpec(1.0, low=0.5, high=1.5)}),
+        prediction=PredictionSpec(horizon=5.0), beat=Span(rows=20),
+        anomaly=AnomalySpec(requirement=0.01, relative=False, window=Span(rows=600)),
+    )  # fmt: skip
+    with Twin(spec) as twin:
+        return twin.run({"t": np.arange(rows, dtype=np.float64), "v": v, "x": x})
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_noise_that_comes_in_a_recording_is_told_as_the_sensors(seed: int) -> None:
+    found = worse(seed, 1.0)
+    (told, *_) = found.of_kind("noise")
+    assert 600 < told.row <= 900 and "the noise of x's measurement" in told.reason
+    assert found.champion.number == 0
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_machine_that_changed_is_not_called_noise(seed: int) -> None:
+    found = worse(seed, 1.3)
+    assert not found.of_kind("noise") and found.champion.number > 0
+
+
 def test_a_gain_that_is_off_is_found_beneath_the_noise() -> None:
     found = run(0.02, 1.3, 0)
     assert found.champion.number > 0

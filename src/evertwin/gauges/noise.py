@@ -18,20 +18,23 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.fold import Block
-from evertwin.gauges.change import likely
+from evertwin.gauges.change import likely, split
 from evertwin.gauges.foretold import Past, clipped
 from evertwin.gauges.unlike import changes
 from evertwin.models import Model
 from evertwin.models.kernel import CONTINUE
 from evertwin.rows.alignment import apart
+from evertwin.rows.ring import called
 from evertwin.setup.evaluation import off_after
 from evertwin.setup.setup import Setup
 from evertwin.signals import wrap
 from evertwin.tuning import Fit, Problem
-from evertwin.types import Outputs, ParameterVector, PerOutput, Vector
+from evertwin.types import Bools, Int64, Outputs, ParameterVector, PerOutput, Vector
 
 ROWS = 30
 """Steps below which a scatter cannot be told."""
+NEW = 4
+"""So many times that of rows since a measurement scatters more."""
 LITTLE = 0.1
 """Share of a residual that may be foretold for it to be called noise."""
 GROWS = 1.5
@@ -129,35 +132,72 @@ def buried(setup: Setup, problem: Problem, fit: Fit, share: float) -> Buried | N
         return None
     level = noise(setup, problem.model, fit.p, problem.windows)
     least = floor(setup, level, problem.windows)
-    predictions = int((problem.restart.code != CONTINUE).sum())
-    more = max(MORE, 1.0 + CHANCE * math.sqrt(2.0 / max(predictions, 1)))
-    alone = (least > setup.requirement) & (off**2 <= more * least**2)
+    alone = _alone(setup, problem, off, least)
     k = int(beyond[np.argmax(least[beyond])])
     whose = f"the noise of {problem.model.outputs.names[k]}'s measurement"
     cure = "allow more, or measure better"
     if not alone[beyond].all():
+        if risen := _risen(setup, problem, fit, beyond):
+            return risen
         if not setup.static or share > LITTLE or _foretold(setup, problem, fit, beyond) > LITTLE:
             some = beyond[alone[beyond]]
-            return Buried("", _levels(setup, problem, fit, some)) if len(some) else None
+            return Buried("", _levels(setup, problem, fit, some, 0)) if len(some) else None
         k, least = int(beyond[np.argmax(off[beyond])]), off
         whose = f"noise of what {problem.model.outputs.names[k]} is predicted from"
         cure = "allow more, smooth it ([filter]), or measure better"
     told = setup.shown(k, min(least[k], off[k]))
     return Buried(
         f"{whose} alone makes {told} of it, which no model can foretell: {cure}",
-        _levels(setup, problem, fit, beyond),
+        _levels(setup, problem, fit, beyond, 0),
     )
 
 
-def _levels(setup: Setup, problem: Problem, fit: Fit, outputs: np.ndarray) -> PerOutput:
-    """`_most` of these outputs, 0 of the others."""
+def _alone(
+    setup: Setup, problem: Problem, off: PerOutput, least: PerOutput, place: int = 0
+) -> Bools:
+    """Outputs of which noise alone makes what is off, from a row on, and more than is asked."""
+    predictions = int((problem.restart.code[place:] != CONTINUE).sum())
+    more = max(MORE, 1.0 + CHANCE * math.sqrt(2.0 / max(predictions, 1)))
+    return np.asarray((least > setup.requirement) & (off**2 <= more * least**2))
+
+
+def _risen(
+    setup: Setup, problem: Problem, fit: Fit, beyond: Int64[np.ndarray, " k"]
+) -> Buried | None:
+    """Noise that came with the rows from which on more is left: a measurement got worse."""
+    rows, left = problem.rows, problem.residuals(fit.values)
+    left = np.where(rows.moving, left, np.nan)
+    place = likely(left[:, beyond])
+    windows = split(problem.windows, place)[1]
+    if not place or setup.relative or sum(len(w.t) for w in windows) < NEW * ROWS:
+        return None
+    level = noise(setup, problem.model, fit.p, windows)
+    least, off = floor(setup, level, windows), np.sqrt(np.nanmean(np.square(left[place:]), axis=0))
+    worse = beyond[off[beyond] > setup.requirement]
+    if not len(worse) or not _alone(setup, problem, off, least, place)[worse].all():
+        return None
+    k = int(worse[np.argmax(least[worse])])
+    told, since = setup.shown(k, min(least[k], off[k])), called(windows[0].row)
+    return Buried(
+        f"from {since} on the noise of {problem.model.outputs.names[k]}'s measurement alone makes "
+        f"{told} of it, more than before, which no model can foretell: look at its sensor, allow "
+        "more, or measure better", _levels(setup, problem, fit, worse, place),
+    )  # fmt: skip
+
+
+def _levels(
+    setup: Setup, problem: Problem, fit: Fit, noisy: Int64[np.ndarray, " k"], place: int
+) -> PerOutput:  # fmt: skip
+    """Rms that what is left of each noisy output comes to by chance, from a row on; else 0."""
     count = len(problem.model.outputs)
-    return np.array([_most(setup, problem, fit, k) if k in outputs else 0.0 for k in range(count)])
+    return np.array([_most(setup, problem, fit, k, place) if k in noisy else 0.0
+                     for k in range(count)])  # fmt: skip
 
 
-def _most(setup: Setup, problem: Problem, fit: Fit, k: int) -> float:
+def _most(setup: Setup, problem: Problem, fit: Fit, k: int, place: int) -> float:
     """Rms that what is left of an output comes to by chance, on so many rows as it is judged on."""
-    rows, left = problem.rows, problem.residuals(fit.values)[:, k]
+    rows, left = problem.rows, problem.residuals(fit.values)[:, k].copy()
+    left[:place] = np.nan
     squares = np.square(left[rows.moving[:, k] & np.isfinite(left)])
     pieces = len(squares) // setup.enough
     mean, spread = float(squares.mean()), 0.0
