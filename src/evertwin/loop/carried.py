@@ -22,6 +22,7 @@ from evertwin.setup.detectors import Alarm
 from evertwin.setup.deviation import Sums, Usual
 from evertwin.setup.twin_state import TRIAL, WATCH, Agenda, Lane, Saved, TwinState
 from evertwin.store import Store
+from evertwin.sync import places as at
 
 log = logging.getLogger("evertwin")
 
@@ -103,7 +104,8 @@ def carried(driver: Driver, store: Store, run: int, state: TwinState) -> TwinSta
         doubt=before.doubt, doubted=before.doubted, doubted_at=before.doubted_at - rows,
     )  # fmt: skip
     old: Any = left.live.track
-    old.beliefs[:, 1:] = 0  # doubts are of rows
+    doubts = np.delete(np.arange(old.beliefs.shape[1]), (at.SEEN, at.CHANGES))
+    old.beliefs[:, doubts] = 0  # they are of rows
     track = state.live.track._replace(**{name: getattr(old, name) for name in ARBITER})
     state = state._replace(
         live=state.live._replace(track=track), stream=left.stream,

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from evertwin.fold import Block, Event, Mark, Record, copy
-from evertwin.gauges.withdrawn import believed
+from evertwin.gauges.withdrawn import believed, divided
 from evertwin.ledger.versions import Versions
 from evertwin.loop.contacts import unsure, watched
 from evertwin.loop.contradictions import compared
@@ -226,6 +226,9 @@ class Follow:
         told = unsure(_events(out.records), state.ring, judged)
         for event, outputs in believed(told, self.setup.model):
             state.scores.spoiled[outputs] = True
+            news += (event.row + 1,)
+        for event, _ in divided(told, self.setup.model):
+            state.scores.spoiled[:] = True
             news += (event.row + 1,)
         for known in news:
             after = beats[beats >= known]

@@ -164,3 +164,12 @@ def refuse(rows: Rows, columns: Sequence[int], first: int, last: int) -> None:
     for column in columns:
         mark = rows.mark[kept, column]
         rows.mark[kept, column] = np.where(mark == Mark.ABSENT, mark, np.uint8(Mark.ERROR))
+
+
+def reread(rows: Rows, column: int, factor: float, first: int) -> None:
+    """Kept rows from ``first`` on whose input in this ``column`` was believed as it was recorded:
+    it is divided by a factor, and marked so. Writes into ``rows``."""
+    kept = np.arange(max(first, rows.end - len(rows.t), rows.first), rows.end) % len(rows.t)
+    kept = kept[rows.mark[kept, column] < Mark.CONTESTED]
+    rows.u[kept, column] /= factor
+    rows.mark[kept, column] = Mark.ERROR

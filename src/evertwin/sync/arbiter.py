@@ -260,19 +260,20 @@ def _input_event(inputs: Layout, found: np.ndarray, detail: np.ndarray) -> Event
     if kind == at.Finding.SOUND:
         reason = f"{value:.4g} {unit} is believed again"
         return _event(row, time, "measurement_restored", inputs.names[k], reason, evidence)
-    if beyond:
+    if beyond == at.Outside.POSSIBLE:
         reason = f"{value:.4g} {unit} is outside the physically possible range"
         return _event(row, time, "measurement_error", inputs.names[k], reason, evidence)
-    if factor:
+    if factor and beyond != at.Outside.UNNAMED:
         evidence["factor"] = factor
         reason = (
             f"{value:.4g} {unit} is off by a factor of {_factor(factor, [unit])} from what it was, "
             "and the outputs do not follow it: taken divided by that"
         )
         return _event(row, time, "measurement_error", inputs.names[k], reason, evidence)
+    how = f"divided by {factor:.5g}" if factor else "as it was before"
     reason = (
         f"{value:.4g} {unit} lies far outside of what it was ({low:.4g} to {high:.4g} {unit}), and "
-        "the outputs do not follow it: taken as it was before"
+        f"the outputs do not follow it: taken {how}"
     )
     return _event(row, time, "measurement_error", inputs.names[k], reason, evidence)
 

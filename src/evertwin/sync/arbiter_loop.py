@@ -232,12 +232,14 @@ def accuse(
 @njit(**HOT)
 def judge(
     settings: Any, memory: Any, statistics: Any, board: Any, notes: Any, sample: Any, g: int,
-    size: int, now: Any, phase: int,
+    size: int, now: Any, phase: int, teaches: bool,
 ) -> tuple[int, int]:  # fmt: skip
     """Mark and use of one sample; fills ``take`` with what the state adopts. ``size`` < 0: refused.
 
     Args:
         now: row and stamp.
+        teaches: may it tell how far predictions are off? Not while an input may be in another unit,
+            nor, until much is known, one that stays: that has no noise.
     """
     limits, rules, _ = settings
     values, numbers, figures = memory
@@ -293,9 +295,9 @@ def judge(
     growth = grown(rules, numbers, figures, g, now[1])
     for k in range(size):
         j = room[k]
-        if values[j, at.ANEW] > 0 or statistics[1][-1, j] >= at.LEARN:  # what stays has no noise
+        if teaches and (values[j, at.ANEW] > 0 or statistics[1][-1, j] >= at.LEARN):
             learn(statistics, phase, j, values[j, at.NU] * values[j, at.NU] / growth)
         weigh(limits, values, j, y[j], predicted[j])
-    learn_noise(values, numbers, room, g, size)
+    learn_noise(values, numbers, room, g, size if teaches else 0)
     figures[g, at.OUTSIDE] *= 1.0 - 1.0 / (4.0 * rules[g, at.VOTE])
     return OK, use(settings, memory, sample, g, size, now[1])

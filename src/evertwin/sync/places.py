@@ -95,12 +95,21 @@ SPREAD, INTERVAL, OUTSIDE, FACTOR, SOUND_BY, LOUDEST = range(6)
 trusted samples [ns]; share of contested samples; suspected factor; how much likelier it is that it
 is over; largest test ratio of the contested samples without verdict."""
 FIGURES = 6
-LOWEST, HIGHEST, BELIEVED, BY, OVER = range(5)
+LOWEST, HIGHEST, BELIEVED, BY, OVER, WAS, LATEST, AHEAD, SCORES = range(9)
 """Memory per input: range of its believed values; the last one; suspected factor, 0: none, and
-how much likelier it is that it is over."""
-SEEN, DOUBTED, DOUBT_ROW, TO, SAID, CHANGES = range(6)
+how much likelier it is that it is over; while its unit is in question, what it was before, the
+newest value that differs from those before, how far a factor was ahead where that began, and how
+unlikely each hypothesis is so far."""
+(
+    SEEN, DOUBTED, DOUBT_ROW, TO, SAID, CHANGES, ASKED, VALUES_OF, LEAPT, NEITHER, OPENED,
+    PROVEN_BY,
+) = range(12)  # fmt: skip
 """Memory per input, integers: believed values; doubted ones since then, the first and last row; are
-they told?; believed values other than the one before."""
+they told?; believed values other than the one before; newest row at which its unit was in question;
+values that differ since then, 0: it is not; by which factor it leapt there, or was off by before;
+rows lately that follow it neither as recorded nor divided; the row since when it is in question;
+values that told for a factor."""
+BELIEFS = 12
 
 (
     BESIDE_OFF, BESIDE_NOISE, BESIDE_FROM, BESIDE_AFTER, BESIDE_PATH, BESIDE_LAG, MEAN_X,
@@ -146,6 +155,8 @@ FACTORS = np.array([
     30.0 / np.pi, 9.80665, 60.0, -1.0,
 ])  # fmt: skip
 """Suspected factors; their inverses are tried too; the last is a turned sign."""
+RANGES = SCORES + 4 + len(FACTORS) - 1
+"""Of an input: as recorded, as it was, none, unknown, and divided by each but a turned sign."""
 ALONE = slice(10, 13)
 """Those that lie so near to another that only outputs of their quantities are asked for them."""
 
@@ -183,3 +194,15 @@ class Finding(IntEnum):
     WIDER = 5
     INPUT = 6
     SOUND = 7
+
+
+class Outside(IntEnum):
+    """Why an input is not believed.
+
+    >>> Outside.USUAL.name
+    'USUAL'
+    """
+
+    USUAL = 0
+    POSSIBLE = 1
+    UNNAMED = 2

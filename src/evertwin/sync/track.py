@@ -93,9 +93,9 @@ class TrackState(NamedTuple):
     rows: Int64[np.ndarray, "vote ng"]
     expected: Float64[np.ndarray, "vote ny"]
     """What was expected of the contested samples."""
-    ranges: Float64[np.ndarray, "nu 5"]
+    ranges: Float64[np.ndarray, "nu ranges"]
     """Range of each input's believed values, the last of them, its suspected factor."""
-    beliefs: Int64[np.ndarray, "nu 6"]
+    beliefs: Int64[np.ndarray, "nu beliefs"]
     """How many they are; the open doubt."""
     clock: Int64[np.ndarray, " five"]
     """Task of the last row, has a row come? Rows that the model was asked for, those of them at
@@ -122,7 +122,7 @@ class TrackState(NamedTuple):
     @property
     def divides(self) -> bool:
         """Is an input taken divided by a factor that was told of?"""
-        told = (self.ranges[:, at.BY] != 0.0) & (self.beliefs[:, at.SAID] != 0)
+        told = (self.ranges[:, at.BY] != 0.0) & (self.beliefs[:, at.SAID] == 1)
         return bool((told & (self.beliefs[:, at.DOUBTED] > 0)).any())
 
     @property
@@ -244,9 +244,9 @@ class Track:
             x0.copy(), p, x0, values, numbers, np.zeros((ng, at.FIGURES)), variance, counts,
             np.zeros((at.LEARN, ny)), np.zeros((vote, ny)), np.zeros((vote, ny)),
             np.zeros((vote, ng), dtype=np.int64), np.zeros((vote, ng), dtype=np.int64),
-            np.zeros((vote, ny)), np.zeros((nu, 5)), np.zeros((nu, 6), dtype=np.int64),
-            np.zeros(5, dtype=np.int64), x0.copy(), np.zeros((ny, at.ACCOUNT)),
-            np.zeros(6, dtype=np.int64), np.zeros((ng, len(x0))),
+            np.zeros((vote, ny)), np.zeros((nu, at.RANGES)),
+            np.zeros((nu, at.BELIEFS), dtype=np.int64), np.zeros(5, dtype=np.int64), x0.copy(),
+            np.zeros((ny, at.ACCOUNT)), np.zeros(6, dtype=np.int64), np.zeros((ng, len(x0))),
         )  # fmt: skip
 
     def renew(self, state: TrackState, p: ParameterVector) -> TrackState:
@@ -314,6 +314,7 @@ def _whole(state: TrackState) -> TrackState:
     """The state, with what a checkpoint of an older version does not know yet: nothing of it."""
     widths = {
         "values": at.VALUES, "numbers": at.NUMBERS, "figures": at.FIGURES, "account": at.ACCOUNT,
+        "ranges": at.RANGES, "beliefs": at.BELIEFS,
     }  # fmt: skip
     known = {name: getattr(state, name) for name in widths}
     return state._replace(**{

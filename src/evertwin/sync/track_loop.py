@@ -21,7 +21,6 @@ from evertwin.sync.beside_loop import CREPT, JUMPED, STARTED, begin, is_doubtful
 from evertwin.sync.free_loop import begins_free, moves_free, starts_free
 from evertwin.sync.horizon_loop import NEVER, is_known, wrapped
 from evertwin.sync.input_loop import (
-    REACH,
     believe,
     count_usual,
     doubt,
@@ -31,6 +30,7 @@ from evertwin.sync.input_loop import (
     refuse_impossible,
     usual_instead,
 )
+from evertwin.sync.input_unit_loop import REACH, ask, name_units, weigh_units
 from evertwin.sync.options import HOT
 from evertwin.sync.places import Finding
 from evertwin.sync.plausible_loop import grown, variance_of
@@ -161,7 +161,7 @@ def run(
     inputs, borders, doubted = borrowed(used), borrowed(edges), borrowed(doubts)
     known, ranges_of = (borrowed(ranges), borrowed(beliefs)), borrowed(possible)
     other, beyond, expects = np.empty(nu), np.empty_like(x), np.empty(ny)
-    moves = np.empty(ny)
+    moves, from_here = np.empty(ny), np.empty_like(x)
     tried, alike = borrowed(expects), borrowed(other)
     notes = borrowed(found), borrowed(detail), borrowed(extent)
     sample = borrowed(room), borrowed(measured), borrowed(predicted), borrowed(take)
@@ -191,21 +191,28 @@ def run(
             failed = code != 0 or not is_known(next_x) or (anew and not is_known(sample[2]))
         for j in range(ny):
             measured[j], marked[j], take[j] = y[i, j], mark[i, nu + j], np.nan
-        usual, follows = count_usual(known[0], known[1], inputs, i), True
+        usual, follows = count_usual(known[0], known[1], inputs, i), not anew or nx == 0
         # what no state keeps spoils its own row alone
-        judged = not usual and not anew and nx > 0
+        judged, asked_of = not usual and not anew and nx > 0, False
         if judged and is_any_beyond(known[0], known[1], inputs, i, 0.0):
-            by_factor = usual_instead(ranges_of, known[0], known[1], inputs, i, alike)
+            row = groups, sample[1], seen, now, phase, np.int64(np.rint(1e9 * dt[i]))
+            asked_of = ask(ranges_of, known[0], known[1], inputs, i, now[0])
+            if asked_of:
+                machine = step, observe, c, own_x, dt[i], parameters
+                judging, spare = (settings, memory, statistics), (other, beyond, expects, from_here)
+                weigh_units(machine, judging, known, ranges_of, inputs, i, row, spare)
+                name_units(known[0], known[1], inputs, i)
+            by_factor = usual_instead(known[0], known[1], inputs, i, alike)
             code = call(
                 step, c, a, other.ctypes.data, dt[i], parameters, beyond.ctypes.data,
                 expects.ctypes.data,
             )  # fmt: skip
-            row = groups, sample[1], seen, now, phase
             follows = code != 0 or not is_known(beyond) or not explains(
                 settings, memory, statistics, row, tried, sample[2], failed
             )  # fmt: skip
             held = is_factor_held(
-                settings, memory, statistics, known, inputs, i, row, tried, sample[2], failed
+                settings, memory, statistics, known, inputs, i, row, tried, sample[2], failed,
+                alike,
             )  # fmt: skip
             far = by_factor or is_any_beyond(known[0], known[1], inputs, i, REACH)
             follows = follows and not held
@@ -270,7 +277,17 @@ def run(
                         other_x, g, size, now, returned,
                     )  # fmt: skip
             verdict, done = judge(
-                settings, memory, statistics, board, notes, sample, g, size, now, phase
+                settings,
+                memory,
+                statistics,
+                board,
+                notes,
+                sample,
+                g,
+                size,
+                now,
+                phase,
+                not asked_of,
             )
             if returned == 1.0 and verdict == 0:
                 verdict, done = OVERRULED, RESET
