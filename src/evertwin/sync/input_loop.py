@@ -22,6 +22,7 @@ from evertwin.fold import Mark
 from evertwin.sync import places as at
 from evertwin.sync.horizon_loop import wrapped
 from evertwin.sync.input_unit_loop import (
+    ALIKE,
     CLEAR,
     LONGEST,
     REACH,
@@ -39,10 +40,11 @@ LATE, LONG = 8, 100
 """Rows after which a doubt within that reach is told, and a factor that others come near."""
 LATER, VAGUELY = 2, 3
 """Of a doubt that is told at its end, if not before; of one whose unit was not told with it."""
-OVER = 12.0
-"""Evidence from which a factor is over [log]: of many rows a few look so by chance."""
-NEARLY = 0.07
-"""How near an input has to fall to where it was, for that to be over at once."""
+OVER = 8.0
+"""Evidence from which a factor is over [log]."""
+LARGE, NEARLY = 10.0, 0.07
+"""Factor from which on, and how near below it, an input has to fall to where it was, for that to be
+over at once."""
 BETTER = 0.1
 """Share of the squared test ratio that remains where the last believed value explains a row."""
 ERROR = int(Mark.ERROR)
@@ -110,8 +112,10 @@ def is_factor_held(
         gate = settings[1][0, at.GATE]
         most = OVER if was <= 1.0 else CLEAR  # no outlier is just where the other was predicted
         gain = min(max(0.5 * gate * gate * (now - was), -CLEAR), most)
-        near = abs(u[i, k] - inputs[k, at.BELIEVED]) <= NEARLY * abs(u[i, k])
-        if was <= min(now, 1.0) and near and u[i, k] != 0.0:
+        large = inputs[k, at.BY] >= LARGE  # a small one brings commands to one before by chance
+        away = abs(u[i, k] - inputs[k, at.BELIEVED])
+        near = away <= (ALIKE if large else NEARLY) * abs(u[i, k]) and (large or was <= now)
+        if was <= 1.0 and near and u[i, k] != 0.0:
             gain = OVER  # it fell to where it was all at once, as it had risen
         inputs[k, at.OVER] = max(0.0, inputs[k, at.OVER] + gain)
         neither = min(now, was) > 4.0 and not is_beyond(inputs, counts, k, u[i, k], REACH)
