@@ -35,13 +35,17 @@ def heard(setup: Setup, state: TwinState, *, whole: bool) -> tuple[Alarm, TwinSt
 
 def rises(decision: Decision, setup: Setup, *, whole: bool) -> TwinState:
     """A deviation that was told of has become a larger one, by enough: it is asked about at once,
-    but for open work, of which the rows are older; and told where it has doubled."""
+    but for open work, of which the rows are older; and told where it has doubled. One that began
+    with the change that is known already, or the doubt about a channel, is explained."""
     state = decision.state
     rise, begins = state.detect.risen, state.row - int(state.scores.seen[0])
     if not rise.name or state.agenda.open:
         return state
-    matters = state.agenda.told and _matters(setup, state, rise.name)
-    if matters or (whole and rise.row <= begins):
+    since, doubted = state.agenda.since, bool(state.agenda.doubt)
+    known = 0 < since and rise.first - since <= state.row - rise.first
+    known |= doubted and rise.first <= state.agenda.doubted_at
+    matters = state.agenda.told and not known and _matters(setup, state, rise.name)
+    if known or matters or (whole and rise.row <= begins):
         decision.state = state._replace(detect=state.detect._replace(risen=Rise()))
     if matters:
         row, hold = state.row, min(state.agenda.hold, state.row)
