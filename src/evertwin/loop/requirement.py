@@ -42,7 +42,7 @@ def rises(decision: Decision, setup: Setup, *, whole: bool) -> TwinState:
     if not rise.name or state.agenda.open:
         return state
     since, doubted = state.agenda.since, bool(state.agenda.doubt)
-    known = 0 < since and rise.first - since <= state.row - rise.first
+    known = since > 0 and rise.first - since <= state.row - rise.first
     known |= doubted and rise.first <= state.agenda.doubted_at
     matters = state.agenda.told and not known and _matters(setup, state, rise.name)
     if known or matters or (whole and rise.row <= begins):
