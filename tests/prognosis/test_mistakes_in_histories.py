@@ -167,6 +167,13 @@ def test_maintenance_is_of_whom_the_cell_says() -> None:
     assert not mentioned.maintenance and not mentioned.notes
 
 
+def test_of_a_series_alone_any_name_is_its_machine_s_but_that_of_another_column() -> None:
+    text = "run,Fc2 [Nm],seal,maintenance\n1,9,1,\n2,1,1,gearbox: replaced\n3,2,1,seal: replaced"
+    rule = IndicatorSpec("Fc2", parameter="Fc2", limit=9.0, unit="Nm")
+    known = of_table(rule, parse(text.splitlines(), "h.csv"), "run")
+    assert [(m.at, m.kind) for m in known.maintenance] == [(2.0, "replaced")] and not known.notes
+
+
 def test_a_unit_is_that_of_the_indicator() -> None:
     hours = told("run,wear [Ah]\n1,1.8", rule=replace(WEAR, unit="Ah"))
     assert hours.value[0] == pytest.approx(1.8) and hours.unit == "Ah"

@@ -72,9 +72,9 @@ class Said(NamedTuple):
 
 
 def maintenance_of(
-    table: Table, component: str, at: Vector, components: Collection[str]
+    table: Table, component: str, at: Vector, components: Collection[str], *, alone: bool = False
 ) -> tuple[tuple[Maintenance, ...], tuple[str, ...]]:
-    """The marks of a component, and notes on those of components that the twin does not know.
+    """Marks of a component; of a series ``alone`` under any name that no column has; and notes.
 
     Raises:
         DataError: a word that means neither, or a name that is nearly a known one.
@@ -83,10 +83,9 @@ def maintenance_of(
     for said in _said(table, at):
         where = f"{table.name}:{said.line}: maintenance"
         named = [said.whom] if said.whom else _mentioned(said.text, components)
-        unknown = [name for name in named if name not in components]
-        for name in unknown:
-            notes.append(_of_another(name, components, where))
-        if not unknown and (not named or component in named):
+        others = [name for name in named if name not in components]
+        notes += [_of_another(name, components, where) for name in ([] if alone else others)]
+        if (alone or not others) and (len(others) == len(named) or component in named):
             marks.append(Maintenance(said.at, _kind(said.text, where), said.text))
     return tuple(marks), tuple(notes)
 
@@ -183,7 +182,8 @@ def of_table(
     counted = _counted(table, clock)
     sigma = _sigma(table, name, rule)
     whose = component_of(rule)
-    marks, told = maintenance_of(table, whose, counted.at, {whose, *components})
+    names = {whose, *(components or table.numbers)}
+    marks, told = maintenance_of(table, whose, counted.at, names, alone=not components)
     order = np.argsort(counted.at, kind="stable")
     notes = (*counted.notes, *told, *_unsorted(table, counted))
     if counted.by:
