@@ -21,6 +21,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from evertwin.doctor.check_numbers import changed, not_tuned, tuned
+from evertwin.doctor.crossed_outputs import look_crossed
 from evertwin.doctor.examination import View
 from evertwin.doctor.factors import Factor, Hypothesis, scaled, suspects
 from evertwin.doctor.finding import Finding
@@ -55,7 +56,8 @@ def look_units(view: View, figures: dict[str, Any]) -> list[Finding]:
     """Channels whose unit or sign does not fit the model."""
     window, applied = _liveliest(view), tuple[Factor, ...]()
     at_start = changed(view, view.version.p, window).mismatch
-    found = [*_exchanged(view, window)] or [*_turned(view, at_start)]
+    found = [*_exchanged(view, window), *look_crossed(view, window)]
+    found = found or [*_turned(view, at_start)]
     found += [] if found else _ranges(view, fits=bool((at_start <= WRONG).all()))
     figures["mismatch"] = dict(zip(view.model.outputs.names, at_start.tolist(), strict=True))
     for _ in range(0 if {"exchanged", "turned"} & {one.kind for one in found} else 4):
