@@ -187,3 +187,52 @@ def test_bodies_of_an_arm_stay_once_they_are_known(
     names = set(setup_of(read(tmp_path / "new.toml")).once)
     known = machine("arm", {"urdf": "ur5_like", "base": True}).parameters.names
     assert names == {name for name in known if "." in name or name.startswith("Ia")}
+
+
+SCARA = [
+    {
+        "name": "shoulder",
+        "a": 0.35,
+        "d": 0.4,
+        "mass": 9.0,
+        "com": [-0.17, 0, 0],
+        "inertia": [0.03, 0.12, 0.12],
+    },
+    {
+        "name": "elbow",
+        "a": 0.3,
+        "alpha": np.pi,
+        "mass": 6.0,
+        "com": [-0.15, 0, 0],
+        "inertia": [0.01, 0.06, 0.06],
+    },
+    {
+        "name": "quill",
+        "kind": "prismatic",
+        "mass": 1.5,
+        "com": [0, 0, -0.1],
+        "inertia": [0.005, 0.005, 0.001],
+    },
+]
+
+
+@pytest.mark.parametrize(
+    ("way", "speed", "units"),
+    [(1e3, 1e3, ("mm", "mm/s")), (1.0, 1.0, ("m", "m/s")), (1e3, 1.0, ("mm", "m/s"))],
+)
+def test_a_slide_s_place_and_speed_tell_each_other_s_unit(
+    written: Written, way: float, speed: float, units: tuple[str, str]
+) -> None:
+    """The other joints are in degrees, so what the family reaches says nothing of it."""
+    told = {"t": T}
+    for what in ("q", "qd", "tau"):
+        for j in range(3):
+            q, qd, tau = motion(j)
+            size = {"q": way, "qd": speed}.get(what, 1.0) * 0.1 if j == 2 else 180 / np.pi
+            told[f"axis{j + 1}_{WORDS[what]}"] = {"q": q, "qd": qd, "tau": tau / size}[what] * size
+    options = {"dh": SCARA, "convention": "standard"}
+    found = mapped(machine("arm", options), look([written(told)])[0])
+    known = {match.channel: (match.unit, match.reason) for match in found.matches}
+    assert (known["q3"][0], known["qd3"][0]) == units
+    assert known["q3"][1] == known["qd3"][1] == "place and speed fit each other"
+    assert known["q1"][0] == "deg"

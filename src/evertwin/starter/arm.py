@@ -26,6 +26,8 @@ _WANTED = {
     "q": ("position",), "qd": ("velocity",), "qdd": ("acceleration",), "tau": ("torque", "force"),
 }  # fmt: skip
 """Of a joint that slides the effort is a force."""
+LONGEST = 5.0
+"""Way of a slide of an arm [m]: one that goes farther is told in mm."""
 _TURN = 180.0 / np.pi
 
 
@@ -153,7 +155,9 @@ class _Look:
         """The column of joint ``j``, and its unit."""
         group = chosen[name]
         column = self._column(group, j)
-        unit, scale, reason = self._unit(wanted, name, chosen, column)
+        slide = wanted in ("m", "m/s") and not column.unit and {"q", "qd"} <= chosen.keys()
+        known = self._of_slide(name, chosen, j) if slide else None
+        unit, scale, reason = known or self._unit(wanted, name, chosen, column)
         return Match(channel, group.source, column.name, unit, reason, scale)
 
     def _column(self, group: Group, j: int) -> ColumnInfo:
@@ -162,6 +166,23 @@ class _Look:
         there = [known[name] for name in group.columns]
         low, high = min(c.low for c in there), max(c.high for c in there)
         return replace(there[j], low=low, high=high)
+
+    def _of_slide(
+        self, name: str, chosen: Mapping[str, Group], j: int
+    ) -> tuple[str, Answer, str] | None:
+        """Unit of a slide's place or speed, by how far it goes and what the one changes by over the
+        other; None: they do not say."""
+        relation = next(iter(self.relations(chosen["q"], chosen["qd"])[j : j + 1]), None)
+        if name not in ("q", "qd") or relation is None or not relation.clear:
+            return None
+        own = {c.name: c for c in self.seen[chosen["q"].source].columns}[chosen["q"].columns[j]]
+        fine = max(abs(own.low), abs(own.high)) > LONGEST
+        units = {1.0: ("mm", "mm/s") if fine else ("m", "m/s"), 1e3: ("mm", "m/s"),
+                 1e-3: ("m", "mm/s")}  # fmt: skip
+        for factor, pair in units.items():
+            if abs(relation.factor / factor - 1.0) < 0.1:
+                return pair[name == "qd"], 1.0, "place and speed fit each other"
+        return None
 
     def _unit(
         self, wanted: str, name: str, chosen: Mapping[str, Group], column: ColumnInfo
