@@ -186,3 +186,36 @@ def test_a_pose_is_of_one_table_where_two_tell_it_in_two_frames(first: str, tmp_
     held = [set(re.findall(r"^(x|y|heading) = ", part, re.M))
             for part in out.read_text().split("[[source]]")]  # fmt: skip
     assert {"x", "y", "heading"} in held and sum(map(len, held)) == 3
+
+
+@pytest.mark.parametrize(
+    ("left", "right", "asked"),
+    [
+        ("cmd_left", "cmd_right", False),
+        ("left track [rad/s]", "right track [rad/s]", True),
+        ("wheel_left_vel", "wheel_right_vel", True),
+        ("v_left [m/s]", "v_right [m/s]", True),
+        ("Kette links [rad/s]", "Kette rechts [rad/s]", True),
+        ("left_rpm", "right_rpm", True),
+        ("left wheel speed command [rad/s]", "right wheel speed command [rad/s]", False),
+    ],
+)
+def test_two_wheels_and_a_pose_are_a_base_that_is_asked_for_its_wheels(
+    left: str, right: str, asked: bool, tmp_path: Path
+) -> None:
+    u, pose = driven(1)
+    wheels = [(u[:, 0] + sign * 0.2 * u[:, 2]) / 0.1 for sign in (-1.0, 1.0)]
+    out = proposed(written(tmp_path, f"t,{left},{right},x,y,yaw", [*wheels, pose]))
+    text = out.read_text()
+    assert 'kind = "differential"' in text
+    assert ("no name says whether it is told or measured" in text) == asked
+    assert "distance of the two" in text
+    with pytest.raises(ConfigError, match="a question that was left open"):
+        read(out)
+
+
+def test_what_wheels_were_measured_to_do_is_no_command(tmp_path: Path) -> None:
+    u, pose = driven(1)
+    wheels = [(u[:, 0] + sign * 0.2 * u[:, 2]) / 0.1 for sign in (-1.0, 1.0)]
+    out = proposed(written(tmp_path, "t,left_wheel_actual,encoder_right,x,y,yaw", [*wheels, pose]))
+    assert 'kind = "differential"' not in out.read_text()

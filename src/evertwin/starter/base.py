@@ -17,28 +17,29 @@ from evertwin.starter.seen import Seen
 from evertwin.starter.words import WHEEL, role, same_kind, words
 
 _POSE = (Channel("x", "m"), Channel("y", "m"), Channel("heading", "rad", kind="angle"))
+SIDES = {
+    "left": {"left", "l", "links", "li", "gauche"},
+    "right": {"right", "r", "rechts", "re", "droite"},
+}
+TURNS = {"wheel", "track", "motor", "drive", "omega", "speed", "vel", "velocity", "v", "rpm"}
+"""Words of what turns on either side."""
 _ODOMETRY = {"odom", "odometry", "odo"}
 
 
 def of_wheels(
     matches: Sequence[Match], missing: Sequence[str], seen: Sequence[Seen]
 ) -> tuple[tuple[Match, ...], tuple[Derivation, ...]]:
-    """Speed ``v`` and turn rate ``w`` of two commanded wheels, where no column is either."""
-    if "v" not in missing:
+    """Speed ``v`` and turn rate ``w`` of two wheels or tracks, where no column is either: of those
+    that are commanded, else of those of which no name says whether they are."""
+    pair = None
+    if "v" in missing:
+        pair = _pair(matches, seen, "command") or _pair(matches, seen, "")
+    if pair is None:
         return (), ()
-    used = {(match.source, match.column) for match in matches}
-    sides: dict[str, tuple[int, ColumnInfo]] = {}
-    for s, one in enumerate(seen):
-        for column in one.columns:
-            said = words(column.name)
-            side = next((word for word in ("left", "right") if word in said), None)
-            varies = column.low != column.high and (s, column.name) not in used
-            if side and varies and role([*words(one.about), *said]) == "command":
-                sides.setdefault(side, (s, column))
-    if len(sides) < 2:
-        return (), ()
-    (s, left), (other, right) = sides["left"], sides["right"]
+    (s, left), (other, right) = pair
     unit, reason = _speed(left)
+    if role([*words(seen[s].about), *words(left.name)]) != "command":
+        reason = "no name says whether it is told or measured: please check"
     feeds = (
         Match("left", s, left.name, unit, reason), Match("right", other, right.name, unit, reason),
     )  # fmt: skip
@@ -57,6 +58,24 @@ def of_wheels(
             Derivation("w", "scale", ("turning",), "rad/s", ASK, across),
         ]
     return feeds, tuple(derived)
+
+
+def _pair(
+    matches: Sequence[Match], seen: Sequence[Seen], asked: str
+) -> tuple[tuple[int, ColumnInfo], ...] | None:
+    """Table and column of the left and of the right one, both ``asked`` for by their role."""
+    used = {(match.source, match.column) for match in matches}
+    sides: dict[str, tuple[int, ColumnInfo]] = {}
+    for s, one in enumerate(seen):
+        for column in one.columns:
+            said = words(column.name)
+            side = next((side for side, names in SIDES.items() if names & {*said}), None)
+            varies = column.low != column.high and (s, column.name) not in used
+            turns = asked == "command" or any(same_kind(column.unit, u) for u in ("m/s", "rad/s"))
+            turns |= not column.unit and not TURNS.isdisjoint(said)
+            if side and varies and turns and role([*words(one.about), *said]) == asked:
+                sides.setdefault(side, (s, column))
+    return tuple(sides[side] for side in SIDES) if len(sides) == len(SIDES) else None
 
 
 def _speed(column: ColumnInfo) -> tuple[str, str]:

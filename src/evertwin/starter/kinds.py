@@ -77,6 +77,8 @@ def _base(seen: Sequence[Seen]) -> str:
     for kind in (*["bicycle"] * steers, "omni", "differential"):
         found = mapped(machine(kind, {}), seen)
         sound = not found.questions and not found.derivations
+        wheels = {one.name for one in found.derivations} == {"both", "v", "turning", "w"}
+        sound |= kind == "differential" and wheels and not found.missing
         if sound and (kind != "omni" or _sideways(found, seen)):
             return kind
     return ""
