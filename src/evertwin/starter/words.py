@@ -49,8 +49,9 @@ COMMAND = {
     "ref", "reference", "goal", "demand", "qg", "qref",
 }  # fmt: skip
 MEASURED = {
-    "actual", "act", "measured", "meas", "msr", "feedback", "fb", "odom", "odometry", "encoder", "enc",
-    "imu", "gyro", "icp", "slam", "pose", "groundtruth", "truth", "sensed", "read", "real", "qm",
+    "actual", "act", "measured", "meas", "msr", "feedback", "fb", "odom", "odometry", "encoder",
+    "enc", "imu", "gyro", "icp", "slam", "pose", "groundtruth", "truth", "sensed", "read", "real",
+    "qm",
 }  # fmt: skip
 WHEEL = {"wheel", "wheels", "motor", "motors", "left", "right", "rear", "front"}
 OTHERS = {
