@@ -218,12 +218,15 @@ def _best(
             helped = (after < BETTER * before) & wrong
             if helped.any() and (after <= before + 0.1).all():
                 found.append(Hypothesis(suspect, factor, said, after))
-    if not found:
-        return []
-    left = min(float(one.after.sum()) for one in found)
-    # the channel alone before a set of channels: suspects come in that order
-    close = [one for one in found if float(one.after.sum()) <= 1.05 * left + 0.01]
-    return close[:3]
+    # a channel that explains all by itself before the stamps, which every channel goes by
+    alone = [one for one in found if not one.suspect.time and (one.after <= WRONG).all()]
+    return [*_least(alone), *(one for one in _least(found) if one not in alone)][:3]
+
+
+def _least(found: list[Hypothesis]) -> list[Hypothesis]:
+    """What leaves least; the channel alone before a set of channels: they come in that order."""
+    left = min((float(one.after.sum()) for one in found), default=0.0)
+    return [one for one in found if float(one.after.sum()) <= 1.05 * left + 0.01]
 
 
 def look_lags(view: View, figures: dict[str, Any]) -> Iterator[Finding]:
