@@ -58,7 +58,8 @@ def test_transfer_that_is_lost_is_no_decimal_prefix(seed: int) -> None:
 @pytest.mark.parametrize("seed", (0, 2))
 def test_a_flow_in_tenths_is_named(seed: int) -> None:
     result = exchanger(seed, transfer=1.0, recorded=10.0)
-    assert "flow looks 10 times what it is" in result.headline
+    assert "flow has been in error since row 1500" in result.headline
+    assert "is off by a factor of 10 from what it was" in result.headline
     assert not result.of_kind("promoted")
 
 
