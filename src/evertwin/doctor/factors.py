@@ -61,8 +61,8 @@ Factor: TypeAlias = tuple[Suspect, float]
 class Hypothesis(NamedTuple):
     """A factor on some channels, and the mismatch that it leaves.
 
-    >>> Hypothesis(Suspect(("v",), "m/s", (0,), ()), 0.01, "0.01", np.zeros(1)).text
-    'v times 0.01'
+    >>> Hypothesis._fields
+    ('suspect', 'factor', 'said', 'after')
     """
 
     suspect: Suspect

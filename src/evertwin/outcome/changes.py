@@ -44,7 +44,7 @@ def changes(setup: Setup, versions: Sequence[Version], events: Sequence[Event] =
     if not tuned.startswith("tuned ") or not set(names) <= set(now) & set(old) & set(units):
         return shorter(champion.reason)
     between = [dict(zip(one.names, one.values, strict=True)) for one in versions[1:-1][::-1]]
-    more = [name for name in units if name in now and any(
+    more = [name for name in units if name in now.keys() & old.keys() and any(
         one.get(name, old[name]) != old[name] for one in between)]  # fmt: skip
     names += [name for name in more if name not in names]
     names = [name for name in names if name not in initials(setup.model)] or names
