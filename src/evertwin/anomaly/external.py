@@ -176,9 +176,8 @@ class External:
     def step(self, state: ExternalState, rows: Seen) -> tuple[ExternalState, Bools]:
         """More rows, and which of them are marked. Consumes ``state``."""
         marked = np.zeros(len(rows.t), dtype=np.bool_)
-        if (
-            less := loop.NUMBERS - state.numbers.shape[1]
-        ) > 0:  # of a checkpoint of an older version
+        less = loop.NUMBERS - state.numbers.shape[1]
+        if less > 0:  # of a checkpoint of an older version
             state = state._replace(numbers=np.pad(state.numbers, ((0, 0), (0, less))))
         if self.longest > 0:
             loop.watch(*rows, self.times, self.rule, state.ring, tuple(state[1:]), marked)

@@ -84,8 +84,8 @@ def late_outputs(problem: Problem, fit: Fit) -> SensorChange | None:
         return None
     way = "late" if found.rows > 0 else "early"
     said = (
-        f"all outputs come {1e3 * abs(found.rows) * step:.3g} ± {1e3 * step:.2g} ms {way} behind "
-        f"what predicts them: this explains {100 * (1.0 - found.left):.0f} % of the deviation, "
-        f"tuning {100 * max(1.0 - share, 0.0):.0f} %; nothing is learned from it"
+        f"all outputs come {1e3 * abs(found.rows) * step:.3g} ± {1e3 * step:.2g} ms {way}, "
+        f"compared with what predicts them: this explains {100 * (1.0 - found.left):.0f} % of the "
+        f"deviation, tuning {100 * max(1.0 - share, 0.0):.0f} %; nothing is learned from it"
     )
     return SensorChange("", 1.0, said)

@@ -82,8 +82,8 @@ def alternates(lives: Lives) -> Alternates | None:
     number = lives[:, 0]
     if EMPTY in number[-4:] or number[-1] == number[-2]:
         return None
-    same = np.flatnonzero(number != np.where(np.arange(FORMER) % 2, number[-1], number[-2]))
-    changes = FORMER - 1 - (int(same[-1]) + 1 if len(same) else 0)
+    others = np.flatnonzero(number != np.where(np.arange(FORMER) % 2, number[-1], number[-2]))
+    changes = FORMER - 1 - (int(others[-1]) + 1 if len(others) else 0)
     if changes < TURNS:
         return None
     since = int(lives[FORMER - 1 - changes, 1])
