@@ -211,10 +211,10 @@ def _best(
         for factor, said in suspect.factors(recorded):
             by = (*applied, (suspect, factor))
             q = _numbers(view, partial(scaled, by=by)) if factor < 0 else p
-            seen = changed(view, q, scaled(window, by))
-            if np.count_nonzero(seen.known) < least:
+            there = changed(view, q, scaled(window, by))
+            if np.count_nonzero(there.known) < least:
                 continue  # the model has no answer to it: that explains nothing
-            after = seen.mismatch
+            after = there.mismatch
             helped = (after < BETTER * before) & wrong
             if helped.any() and (after <= before + 0.1).all():
                 found.append(Hypothesis(suspect, factor, said, after))

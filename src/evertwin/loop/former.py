@@ -26,7 +26,8 @@ from evertwin.models.form import Version
 from evertwin.setup.twin_state import TwinState
 from evertwin.types import Int64
 
-EMPTY = -1
+NOBODY = -1
+"""Stands where no version was live yet."""
 KNOWN = 0.5
 """Gain that a version which the machine was like time and again has to show in its short test."""
 TURNS = 3
@@ -51,7 +52,7 @@ class Alternates(NamedTuple):
 
 def none() -> Lives:
     """No version was live yet."""
-    return np.full((FORMER, 2), EMPTY, dtype=np.int64)
+    return np.full((FORMER, 2), NOBODY, dtype=np.int64)
 
 
 def with_live(lives: Lives, number: int, row: int) -> Lives:
@@ -61,14 +62,14 @@ def with_live(lives: Lives, number: int, row: int) -> Lives:
 
 def without_newest(lives: Lives) -> Lives:
     """The newest one is taken back: it was never what the machine is."""
-    return np.concatenate([[[EMPTY, 0]], lives[:-1]])
+    return np.concatenate([[[NOBODY, 0]], lives[:-1]])
 
 
 def former(versions: Versions, state: TwinState, live: int) -> tuple[Version, ...]:
     """Those that may come back: that were live in these rows, the newest first, then what the
     ``live`` one was made from."""
     numbers = [*state.lives[::-1, 0].tolist(), *(one.number for one in versions.before(live))]
-    known = [number for number in dict.fromkeys(numbers) if number not in (EMPTY, live)]
+    known = [number for number in dict.fromkeys(numbers) if number not in (NOBODY, live)]
     return tuple(versions[number] for number in known[:FORMER])
 
 
@@ -80,7 +81,7 @@ def known_again(lives: Lives, number: int) -> bool:
 def alternates(lives: Lives) -> Alternates | None:
     """The two versions between which the newest changes went; None: they went elsewhere."""
     number = lives[:, 0]
-    if EMPTY in number[-4:] or number[-1] == number[-2]:
+    if NOBODY in number[-4:] or number[-1] == number[-2]:
         return None
     others = np.flatnonzero(number != np.where(np.arange(FORMER) % 2, number[-1], number[-2]))
     changes = FORMER - 1 - (int(others[-1]) + 1 if len(others) else 0)
