@@ -275,9 +275,10 @@ def _lag(view: View, window: Block) -> SharedLag:
     if not known.any():
         return shared
     before = dict(zip(names, known.tolist(), strict=True))
+    least = view.step / math.sqrt(12.0)  # of what may lie anywhere within half a row
     lags = {
-        name: replace(one, seconds=one.seconds + before[name], sigma=max(one.sigma, view.step / 2))
-        for name, one in shared.lags.items()  # less than half a row was not looked for
+        name: replace(one, seconds=one.seconds + before[name], sigma=max(one.sigma, least))
+        for name, one in shared.lags.items()
     }
     # of several outputs with lags of their own there is no shared one
     whole = shared.seconds + before[names[0]] if len(set(before.values())) == 1 else math.nan

@@ -25,6 +25,9 @@ from evertwin.sources.tally import Tally
 
 MOST = 20_000
 """Rows that are tuned and compared on."""
+SPREAD, PIECES = 4_000, 8
+"""Rows of a static map, which remembers nothing, and the stretches they are taken from: its numbers
+are tuned to them again and again."""
 FEW, FOLLOWED = 1_000, 10_000
 """The same, and rows that are judged, where each row is a call of a model that is not compiled."""
 
@@ -143,6 +146,18 @@ class View:
         if not self.slow or len(kept) > 1:
             return kept
         return (take(kept[0], 0, min(len(kept[0].t), self.most)),)
+
+    def spread(self, windows: tuple[Block, ...]) -> tuple[Block, ...]:
+        """Rows that numbers are tuned to: of a static map stretches from all over the windows."""
+        if self.slow or not self.setup.static or sum(len(one.t) for one in windows) <= SPREAD:
+            return self.some(windows)
+        found, at, edges = list[Block](), 0, np.linspace(0, self.rows - SPREAD, PIECES).astype(int)
+        for window in windows:
+            for edge in edges.tolist():
+                a, b = max(edge - at, 0), min(edge - at + SPREAD // PIECES, len(window.t))
+                found += [take(window, a, b)] if b - a > 1 else []
+            at += len(window.t)
+        return tuple(found)
 
     @cached_property
     def astray(self) -> frozenset[str]:

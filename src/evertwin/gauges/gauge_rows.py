@@ -200,17 +200,19 @@ class Rows:
 
     def of(self, first: int, stop: int) -> tuple[Rows, int]:
         """Enough of them to predict rows [first, stop) from, and the position of the first of
-        these: of a map that nothing is filtered for those rows alone."""
-        if len(self.whole.model.states) or self.whole.filter is not None:
+        these: of a map those rows, and what its filter looks at on either side."""
+        if len(self.whole.model.states):
             return self, 0
+        around = self.setup.residual_filter.around if self.whole.filter is not None else 0
+        low, high = max(first - around, 0), min(stop + around, self.count)
         windows, at = list[Block](), 0
         for window in self.windows:
-            a, b = (min(max(edge - at, 0), len(window.t)) for edge in (first, stop))
+            a, b = (min(max(edge - at, 0), len(window.t)) for edge in (low, high))
             at += len(window.t)
             windows += [take(window, a, b)] if a < b else []
         some = replace(self, windows=tuple(windows), given=self.sizes)
-        some.__dict__["before"] = self.before[first:stop]
-        return some, first
+        some.__dict__["before"] = self.before[low:high]
+        return some, low
 
     def changed(self, first: int, stop: int, change: Callable[[Block], Block]) -> Windows:
         """The windows, with rows [first, stop) changed."""

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import cache
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -82,42 +83,47 @@ def shifted_output(rows: Rows) -> tuple[SensorChange | None, str]:
         rows: before the deviation and since then, tuned.
     """
     edges = _edges(rows)
-    of_outputs = _off_outputs(rows, edges)
-    if rows.fitted >= LEAST and not _explains(rows, edges[0], of_outputs):
+    outputs = _off_outputs(rows, edges)
+    if rows.fitted >= LEAST and not _explains(rows, edges[0], outputs):
         return None, ""  # what an input may be off by, or the machine, need not be known
-    found, machine = _explained(rows, edges, of_outputs)
+    machine = _machine(rows, edges) if outputs else None
     if rows.fitted < LEAST and machine is not None:  # what is usual is what anybody leaves at least
-        lefts = [machine, *(one.left for one in found)]
+        lefts = [machine, *(one.left for one in outputs)]
         size = np.nanmin([np.nanmedian(np.abs(left), axis=0) for left in lefts], axis=0)
         rows = replace(rows, given=np.where(size > 0.0, size, rows.sizes))
-        found, machine = _explained(rows, edges, _off_outputs(rows, edges))
+        outputs, machine = _off_outputs(rows, edges), _machine(rows, edges)
     if machine is None:
         return None, ""
     known = np.isfinite(machine) & np.isfinite(rows.before)
-    for one in found:
+    for one in outputs:
         known &= np.isfinite(one.left)
     count = np.count_nonzero(known.any(axis=1))
-    enough = count >= LEAST
-    nu = len(rows.setup.model.inputs)
-    inputs, outputs = ([one for one in found if (one.column < nu) == on] for on in (True, False))
+    enough, nu = count >= LEAST, len(rows.setup.model.inputs)
     off = rows.total(rows.before, known)
     outputs = [one for one in outputs if moves(rows, one, known) >= OF_NOTE * off]
     if not outputs:
         return None, ""
     best = min(outputs, key=lambda one: rows.total(one.left, known))
     ours, theirs = (rows.total(r, known) for r in (best.left, machine))
-    least = min((rows.total(one.left, known) for one in inputs), default=math.inf)
     if not count or ours > EXPLAINED * off:
         return None, ""
     early = rows.squares(rows.before)[: rows.fitted]
     seen = len(early) >= LEAST
     usual = count * float(np.mean(early)) if seen else NORMAL * np.count_nonzero(known)
-    clear = (not seen or ours <= RESTORED * usual) and min(theirs, least) >= CLEARLY * ours
+
+    @cache
+    def least() -> float:
+        """What an input that is off leaves at least; asked of what is clear without it alone."""
+        return _of_inputs(rows, edges, known)
+
+    clear = (not seen or ours <= RESTORED * usual) and theirs >= CLEARLY * ours
+    clear = clear and least() >= CLEARLY * ours
     steady = None if clear or not best.scaled else _steady(rows, best, edges[0], known)
     if steady is not None:
         left = rows.total(steady.left, known)
-        rest = min(rows.total(rows.tuned, known), least)
-        if left <= RESTORED * usual and rest - usual >= CLEARLY * max(left - usual, 0.0):
+        above = usual + CLEARLY * max(left - usual, 0.0)
+        good = left <= RESTORED * usual and rows.total(rows.tuned, known) >= above
+        if good and least() >= above:
             best, ours, clear = steady, left, True
     channel, said = rows.setup.model.outputs.channels[best.column - nu], _said(rows, best, edges[0])
     if enough and clear:
@@ -177,14 +183,12 @@ def _explains(rows: Rows, first: int, found: list[Off]) -> bool:
     )
 
 
-def _explained(
-    rows: Rows, edges: list[int], of_outputs: list[Off]
-) -> tuple[list[Off], Outputs | None]:
-    """What each channel may be off by, and the residual of the machine; None: there is none."""
-    inputs, lines = range(len(rows.setup.model.inputs)), _lines(rows.count, edges)
-    found = [one for k in inputs for one in (_off(rows, (k, False), lines),) if one is not None]
-    found += of_outputs
-    return found, _machine(rows, edges) if found else None
+def _of_inputs(rows: Rows, edges: list[int], known: Bool[np.ndarray, "n ny"]) -> float:
+    """What is left at least where an input is off, in squares; where it has no answer, all is."""
+    lines, inputs = _lines(rows.count, edges), range(len(rows.setup.model.inputs))
+    found = [one.left for k in inputs for one in (_off(rows, (k, False), lines),) if one]
+    lefts = [np.where(np.isfinite(left), left, rows.before) for left in found]
+    return min((rows.total(left, known) for left in lefts), default=math.inf)
 
 
 def _said(rows: Rows, one: Off, first: int) -> str:

@@ -168,7 +168,7 @@ class Tuner:
         pose = partial(self.problem, task.version, names=self.editable(task.version))
 
         def tune(one: Problem) -> Fit:
-            return self.tune(one)[1]
+            return self.tune(replace(one, settings=replace(one.settings, quick=True)))[1]
 
         return Rows(
             self.setup, pose, task.windows, problem, fit, tune, earlier=task.earlier, seen=task.seen

@@ -306,7 +306,7 @@ def _reasons(
     cures: dict[str, str] = {}
     for reason, bound in zip(reasons, bounds, strict=True):
         parts = [reason, bound]
-        if "collinear" in reason or "not excited" in reason:
+        if ("collinear" in reason or "not excited" in reason) and not problem.settings.quick:
             if reason not in cures:
                 same = [n for n, r in zip(names, reasons, strict=True) if r == reason]
                 cures[reason] = _cure(problem, same)

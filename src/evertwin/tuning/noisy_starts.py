@@ -77,7 +77,7 @@ def noisy(problem: Problem, values: Vector, sigma: PerOutput) -> Noisy | None:
         return None
     follows = (problem.restart.code == 0) & problem.rows.used.any(axis=1)
     noise = white(problem.residuals(values), follows)
-    if not noise.any():
+    if not noise.any() or problem.settings.quick:
         return None
     # both ends inside the bounds; where there is no room, the number does not move
     ends = [np.clip(values + sign * STEP * problem.steps(values), *problem.bounds)

@@ -50,6 +50,9 @@ class Settings:
     """A parameter that changes no output anywhere stays as it is, and is no error."""
     begin: tuple[tuple[str, float], ...] = ()
     """Names and values that the search begins with; the others begin as the problem says."""
+    quick: bool = False
+    """Of a hypothesis only what it leaves is asked: neither what the noise of measured starts does
+    to the numbers, which takes longer than the search, nor what would help one that is not told."""
     far: Far | None = None
     """Where differences are simulated; absent: in this process, in threads where they pay."""
 
