@@ -11,6 +11,7 @@ where, why, and the next step. Nothing is changed.
 * `look_pose`: a pose that is measured elsewhere, or carried along;
 * `look_clocks`: offset, drift and shared lag between the clocks of two or more sources;
 * `look_tuning`: what the rows determine of the parameters, knobs and bounds;
+* `look_hidden`: changes of the machine that stay within what is asked;
 * `look_settings`: horizon, tolerance, requirement and action space against noise and range.
 """
 
@@ -26,6 +27,7 @@ from evertwin.doctor.check_settings import look_bounds, look_settings, look_tuni
 from evertwin.doctor.check_units import look_lags, look_units
 from evertwin.doctor.examination import View, view
 from evertwin.doctor.finding import Diagnosis, Finding
+from evertwin.doctor.hidden_changes import look_hidden
 from evertwin.ledger.versions import Versions
 from evertwin.rows.feed import Data
 from evertwin.setup.setup import Setup
@@ -59,6 +61,7 @@ def diagnose(setup: Setup, versions: Versions, number: int, data: Data) -> Diagn
         found += look_pose(seen)
     found += look_bounds(setup, versions, version)
     found += look_tuning(seen, figures)
+    found += look_hidden(seen, figures)
     found += look_settings(seen, figures)
     found.sort(key=lambda one: one.kind != "not_connected")  # what no data mends comes first
     return Diagnosis(name, seen.rows, tuple(found), figures)

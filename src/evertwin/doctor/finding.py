@@ -15,8 +15,8 @@ RANKS = (
     "model_failed", "sentinel", "not_tuned", "lost", "unrelated", "unit", "sign", "exchanged",
     "turned", "rate", "repeated", "missing", "frozen", "clock", "command", "lag", "lever",
     "current", "held", "jump", "absurd", "range", "gap", "not_possible", "not_connected",
-    "horizon", "requirement", "tolerance", "gate", "tuning", "at_bound", "not_identifiable",
-    "weak", "shared",
+    "horizon", "requirement", "hidden", "tolerance", "gate", "tuning", "at_bound",
+    "not_identifiable", "weak", "shared",
 )  # fmt: skip
 """Kinds of finding, what spoils a result most first."""
 SHOWN = 5
@@ -35,7 +35,7 @@ class Finding:
     kind: str
     """unrelated, unit, sign, exchanged, turned, not_tuned, command, lag, lever, current, rate,
     held, repeated, clock, gap, frozen, absurd, missing, sentinel, lost, not_identifiable, weak,
-    not_connected, at_bound, shared, range, horizon, tolerance, requirement, not_possible,
+    not_connected, at_bound, shared, range, horizon, tolerance, requirement, hidden, not_possible,
     model_failed."""
     subject: str
     """Channel, parameter or setting."""
