@@ -38,7 +38,7 @@ def of_wheels(
         return (), ()
     (s, left), (other, right) = pair
     unit, reason = _speed(left)
-    if role([*words(seen[s].about), *words(left.name)]) != "command":
+    if role([*words(seen[s].theme), *words(left.name)]) != "command":
         reason = "no name says whether it is told or measured: please check"
     feeds = (
         Match("left", s, left.name, unit, reason), Match("right", other, right.name, unit, reason),
@@ -73,7 +73,7 @@ def _pair(
             varies = column.low != column.high and (s, column.name) not in used
             turns = asked == "command" or any(same_kind(column.unit, u) for u in ("m/s", "rad/s"))
             turns |= not column.unit and not TURNS.isdisjoint(said)
-            if side and varies and turns and role([*words(one.about), *said]) == asked:
+            if side and varies and turns and role([*words(one.theme), *said]) == asked:
                 sides.setdefault(side, (s, column))
     return tuple(sides[side] for side in SIDES) if len(sides) == len(SIDES) else None
 

@@ -15,6 +15,7 @@ import numpy as np
 from evertwin.machines.catalog import machine
 from evertwin.sources.description import ColumnInfo
 from evertwin.starter.axes import by_axis
+from evertwin.starter.bare import told_apart
 from evertwin.starter.draft import EFFORTS
 from evertwin.starter.mapping import mapped
 from evertwin.starter.named import unit_of
@@ -42,6 +43,7 @@ _AXES = 3
 
 def kind_of(seen: Sequence[Seen]) -> str:
     """A model's name, ``pump``, or ``python`` where the headings do not say."""
+    seen, _ = told_apart(seen)
     base = _base(seen)
     if base:
         return base

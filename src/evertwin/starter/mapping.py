@@ -25,6 +25,7 @@ from evertwin.signals import Channel, conversion
 from evertwin.sources.description import ColumnInfo
 from evertwin.sources.names import listed, unit_problem
 from evertwin.starter.arm import of_arm
+from evertwin.starter.bare import restored, told_apart
 from evertwin.starter.base import of_odometry, of_pose, of_wheels
 from evertwin.starter.cause import NAMED, stepped, told
 from evertwin.starter.compass import as_compass
@@ -50,6 +51,11 @@ def mapped(model: Model | None, seen: Sequence[Seen]) -> Proposal:
     Raises:
         DataError: there are fewer than two columns of numbers for a model of one's own.
     """
+    seen, full = told_apart(seen)
+    return restored(_mapped(model, seen), full)
+
+
+def _mapped(model: Model | None, seen: Sequence[Seen]) -> Proposal:
     if model is None:
         own = _first_two(seen)
         return _rest((*own, *_beside(own, seen)), (), (), seen)

@@ -21,6 +21,7 @@ from evertwin.sources.info import inspect
 from evertwin.sources.recording import open_recording
 from evertwin.sources.stamps import NO_STAMP, to_ns
 from evertwin.sources.table import Recording
+from evertwin.starter.apart import themes
 from evertwin.starter.words import quantity, said_unit, words
 from evertwin.types import Float64, Vector
 
@@ -51,6 +52,8 @@ class Seen:
     """Stamps of its first rows [s]; None: it has no column of time."""
     rows: Float64[np.ndarray, "n columns"]
     """Their numbers, (n, columns)."""
+    theme: str = ""
+    """What its name says of its columns, which those of the others do not say of theirs."""
 
     @property
     def columns(self) -> tuple[ColumnInfo, ...]:
@@ -123,7 +126,17 @@ def look(files: Sequence[Path]) -> tuple[tuple[Seen, ...], tuple[Info, ...]]:
     if not found:
         names = ", ".join(str(file) for file in files)
         raise DataError(f"{names}: fewer than two complete rows: look with evertwin info")
-    return tuple(found.values()), tuple(told)
+    return _with_themes(tuple(found.values())), tuple(told)
+
+
+def _with_themes(seen: Sequence[Seen]) -> tuple[Seen, ...]:
+    """What the names of topics, and of files, say of their columns."""
+    topics = [one for one in seen if one.table.name]
+    said = themes([one.table.name for one in topics], files=False)
+    files = [one for one in seen if not one.table.name]
+    said += themes([one.about for one in files])
+    named = dict(zip(map(id, [*topics, *files]), said, strict=True))
+    return tuple(replace(one, theme=named[id(one)]) for one in seen)
 
 
 def _machines(table: TableInfo) -> TableInfo:
