@@ -68,6 +68,8 @@ def write_starter(
         if one.exists() and not force:
             raise UsageError(f"{one}: exists already: choose another name, or say --force")
     drafts = [_draft(one, (kind, urdf), part) for one, (_, part) in zip(outs, axes, strict=True)]
+    for note in (note for info in told for note in info.notes):  # what is left out comes first
+        typer.echo(f"evertwin: {note}", err=True)
     contents = [_write(draft, force) for draft in drafts]
     content = contents[0] | ({"axes": contents} if len(contents) > 1 else {})
     show(content, "\n".join(draft.summary() for draft in drafts), as_json)
@@ -75,7 +77,7 @@ def write_starter(
         next_one = wear.command(str(files[0]))
         typer.echo(f"evertwin: does one of its columns tell wear? Then: {next_one}", err=True)
     odd = (note for draft in drafts for note in _odd_units(draft))
-    for note in (*others, *(note for info in told for note in info.notes), *odd):
+    for note in (*others, *odd):
         typer.echo(f"evertwin: {note}", err=True)
 
 

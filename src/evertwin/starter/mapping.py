@@ -13,7 +13,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -270,7 +270,21 @@ def _first_two(seen: Sequence[Seen]) -> tuple[Match, ...]:
             could = [c.name for c in alike if c.name not in taken]
             which = f"which one {'drives' if name == 'u' else 'answers'}? {listed(could, 4)}"
             out.append(Match(name, source, ASK, "1", which))
-    return tuple(out)
+    return out[0], _answering(out[1], rank, seen)
+
+
+def _answering(found: Match, rank: Mapping[str, int], seen: Sequence[Seen]) -> Match:
+    """What answers by its words in another table, where no column of the largest one says so."""
+    others = [
+        (told(c.name, c.unit), s, c)
+        for s, one in enumerate(seen) for c in one.columns if s != found.source and c.low != c.high
+    ]  # fmt: skip
+    least = min((one[0] for one in others), default=0)
+    fits = [one for one in others if one[0] == least]
+    if least >= min(0, *rank.values()) or len(fits) != 1:
+        return found
+    _, s, column = fits[0]
+    return Match(found.channel, s, column.name, _stated(column), "assumed: by its words")
 
 
 def _moves(column: ColumnInfo) -> bool:
@@ -280,8 +294,11 @@ def _moves(column: ColumnInfo) -> bool:
 def _beside(main: Sequence[Match], seen: Sequence[Seen]) -> tuple[Match, ...]:
     """What other tables hold: inputs for a model of one's own, under names of their own."""
     out, names = list[Match](), {match.channel for match in main}
+    taken = {(match.source, match.column) for match in main}
     for s, one in enumerate(seen):
-        for column in one.columns if s not in {match.source for match in main} else ():
+        for column in one.columns if s != main[0].source else ():
+            if (s, column.name) in taken:
+                continue
             name = short(column.name)
             if column.low != column.high and name not in names:
                 names.add(name)
