@@ -29,10 +29,11 @@ _ODOMETRY = {"odom", "odometry", "odo"}
 def of_wheels(
     matches: Sequence[Match], missing: Sequence[str], seen: Sequence[Seen]
 ) -> tuple[tuple[Match, ...], tuple[Derivation, ...]]:
-    """Speed ``v`` and turn rate ``w`` of two wheels or tracks, where no column is either: of those
-    that are commanded, else of those of which no name says whether they are."""
-    pair = None
-    if "v" in missing:
+    """Speed ``v`` and turn rate ``w`` of two wheels or tracks, where no column is either, or how
+    fast ``left`` and ``right`` turn: of those that are commanded, else of those of which no name
+    says whether they are."""
+    pair, each = None, SIDES.keys() <= set(missing)
+    if "v" in missing or each:
         pair = _pair(matches, seen, "command") or _pair(matches, seen, "")
     if pair is None:
         return (), ()
@@ -44,6 +45,8 @@ def of_wheels(
         Match("left", s, left.name, unit, reason), Match("right", other, right.name, unit, reason),
     )  # fmt: skip
     turning = unit != "m/s"
+    if each:
+        return (feeds if turning else ()), ()
     half: Answer = ASK if turning else 0.5
     derived = [
         Derivation("both", "sum", ("left", "right"), unit),

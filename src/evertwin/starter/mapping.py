@@ -26,7 +26,7 @@ from evertwin.sources.description import ColumnInfo
 from evertwin.sources.names import listed, unit_problem
 from evertwin.starter.arm import of_arm
 from evertwin.starter.bare import restored, told_apart
-from evertwin.starter.base import of_odometry, of_pose, of_wheels
+from evertwin.starter.base import SIDES, of_odometry, of_pose, of_wheels
 from evertwin.starter.cause import NAMED, stepped, told
 from evertwin.starter.compass import as_compass
 from evertwin.starter.named import matched, short, sole, unit_of
@@ -74,7 +74,8 @@ def _other(
     channels: Sequence[Channel], told: Sequence[str], seen: Sequence[Seen]
 ) -> tuple[list[Match], list[Derivation]]:
     """By names; what these leave open by wheels, a pose, the steadiest temperature, derivatives."""
-    matches, derived = _one_frame(channels, matched(channels, seen, told), seen), list[Derivation]()
+    named = [channel for channel in channels if channel.name not in SIDES]
+    matches, derived = _one_frame(channels, matched(named, seen, told), seen), list[Derivation]()
     feeds, computed = of_wheels(matches, _lacking(channels, matches, derived), seen)
     matches, derived = [*matches, *feeds], [*derived, *computed]
     feeds, computed = of_pose(_lacking(channels, matches, derived), seen, told)
@@ -85,7 +86,7 @@ def _other(
     matches += _room(matches, _lacking(channels, matches, derived), seen)
     lacking = _lacking(channels, matches, derived)
     taken = {(match.source, match.column) for match in matches}
-    matches += sole([c for c in channels if c.name in lacking], seen, told, taken)
+    matches += sole([c for c in named if c.name in lacking], seen, told, taken)
     matches = _heated_room(matches)
     missing = _lacking(channels, matches, derived)
     place = _place(channels, missing)
