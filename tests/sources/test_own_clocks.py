@@ -50,7 +50,9 @@ def _new(path: Path) -> Path:
             group = file.create_group(name)
             group.attrs["MATLAB_class"] = np.bytes_("struct")
             for key, value in (("Time", t), ("Data", data)):
-                group.create_dataset(key, data=value[None]).attrs["MATLAB_class"] = np.bytes_("double")
+                group.create_dataset(key, data=value[None]).attrs["MATLAB_class"] = np.bytes_(
+                    "double"
+                )
             info = group.create_group("DataInfo")
             info.attrs["MATLAB_class"] = np.bytes_("struct")
             text = info.create_dataset("Units", data=np.array([[ord(c)] for c in unit], np.uint16))

@@ -146,13 +146,13 @@ def _tables(
         else:
             left_out += [f"{n}: {length} rows, the table has {main}" for n in part]
     named = distinct([name or "table" for name, _ in parts]) if len(parts) > 1 else ("",)
-    tables = (
-        _table(path, part, name, texts) for name, (_, part) in zip(named, parts, strict=True)
-    )
+    tables = (_table(path, part, name, texts) for name, (_, part) in zip(named, parts, strict=True))
     return tuple(tables), left_out
 
 
-def _table(path: Path, part: Mapping[str, Array], name: str, texts: Mapping[str, str]) -> ArrayTable:
+def _table(
+    path: Path, part: Mapping[str, Array], name: str, texts: Mapping[str, str]
+) -> ArrayTable:
     names = distinct(list(part))
     columns = (
         Column(n, kind_of(a), units_of(original, texts))

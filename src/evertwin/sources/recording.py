@@ -21,9 +21,11 @@ from evertwin.sources.carmen import open_carmen
 from evertwin.sources.dialect import FOUND, Stated
 from evertwin.sources.exported import exported
 from evertwin.sources.foreign import foreign
+from evertwin.sources.lvm import MAGIC, open_lvm
 from evertwin.sources.mat import open_mat, open_mat73
 from evertwin.sources.parquet import open_parquet
-from evertwin.sources.sniff import sniff
+from evertwin.sources.scope import open_scope
+from evertwin.sources.sniff import opened, sniff
 from evertwin.sources.table import WIDEST, Recording, Table
 from evertwin.sources.text import TextTable
 
@@ -40,6 +42,7 @@ _OWN = frozenset(
         "dat",
         "log",
         "mat",
+        "lvm",
         "parquet",
         "npy",
         "npz",
@@ -90,6 +93,12 @@ def _recording(path: Path, stated: Stated) -> Recording:
             return _opened(point.load(), path)
     kind = sniff(path)
     if kind == "text":
+        with opened(path) as file:
+            if file.read(len(MAGIC)) == MAGIC:
+                return open_lvm(path)
+        scope = open_scope(path)
+        if scope is not None:
+            return exported(scope)
         return exported(Recording(path, "csv", (TextTable(path, stated=stated),)))
     if kind in _OPEN:
         return exported(_OPEN[kind](path))

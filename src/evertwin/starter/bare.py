@@ -1,4 +1,4 @@
-"""Tables under bare names, by which columns are told from one another, and their full names again."""
+"""Tables under bare names, which tell columns from one another, and their full names again."""
 
 from __future__ import annotations
 
