@@ -37,8 +37,10 @@ TRIED = 100
 trial."""
 ROOM = 1.25
 """So many times what cannot be foretold is asked at least."""
-FASTEST = 200.0
+FASTEST = 500.0
 """Rows per second that a static map is resampled to at most: motion is slower."""
+EXACT = 1e-6
+"""So near to three digits a period is one that a machine's clock has, and no mean of uneven ones."""
 
 
 @dataclass(frozen=True)
@@ -138,12 +140,15 @@ class Draft:
 
     @property
     def rate(self) -> float | None:
-        """Rate to resample to: where derivatives, a filter or several sources need one."""
+        """Rate to resample to, where derivatives, a filter or several sources need one: of every
+        row, or of every second, third … one where they come faster than motion needs."""
         if self.period is None or not self.period > 0:
             return None
         if not self.static and len(self.sources) < 2:
             return None
-        return min(float(f"{1.0 / self.period:.3g}"), FASTEST)
+        exact = abs(float(f"{self.period:.3g}") / self.period - 1.0) < EXACT
+        rate = float(f"{1.0 / self.period:.{6 if exact else 3}g}")
+        return float(f"{rate / math.ceil(rate / FASTEST - EXACT):.6g}")
 
     @property
     def moving(self) -> dict[str, str]:

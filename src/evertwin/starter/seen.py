@@ -32,6 +32,11 @@ LOST = 0.5
 HELD, UNEVEN = 0.5, 2.0
 """Share of the rows that repeat the one before, and longest step over shortest without the rarest
 twentieths, from which on a table is not sampled: it says what holds until it says more."""
+COUNTED = {
+    "sample", "samples", "index", "idx", "row", "record", "nr", "no", "number", "seq", "count",
+    "counter", "line", "zeile", "point", "unnamed",
+}  # fmt: skip
+"""Words of a column that counts rows."""
 FIXED = ("odom", "map", "world", "earth")
 """Frames that are no part of a machine (REP-105)."""
 
@@ -140,12 +145,23 @@ def _with_themes(seen: Sequence[Seen]) -> tuple[Seen, ...]:
 
 
 def _machines(table: TableInfo) -> TableInfo:
-    """Without what is not the machine's own: what a twin says of it, and where frames of reference
-    are (``map → odom``)."""
+    """Without what is not the machine's own: what a twin says of it, where frames of reference are
+    (``map → odom``), and what counts the rows."""
     fixed = [f".transforms.{frame}.transform." for frame in FIXED]
     own = table.name.startswith(f"{RosOutSettings.topic}/")
-    kept = (c for c in table.columns if not own and not any(part in c.name for part in fixed))
+    kept = (
+        c for c in table.columns
+        if not own and not any(part in c.name for part in fixed) and not _counts(c, table)
+    )  # fmt: skip
     return replace(table, columns=tuple(kept))
+
+
+def _counts(column: ColumnInfo, table: TableInfo) -> bool:
+    """Does a column go up by one from row to row, and say that it counts?"""
+    if table.time is not None and column.name == table.time.column:
+        return False
+    named = not COUNTED.isdisjoint(words(column.name)) and not column.unit
+    return named and column.count > 1 and column.high - column.low == column.count - 1
 
 
 def _widened(one: TableInfo, other: TableInfo) -> TableInfo:

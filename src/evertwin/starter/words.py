@@ -23,7 +23,7 @@ from evertwin.starter.abroad import english
 QUANTITIES = {
     "acceleration": {"qdd", "ddq", "acc", "accel", "acceleration", "accelerations", "qddot"},
     "velocity": {
-        "qd", "dq", "vel", "velocity", "velocities", "speed", "speeds", "spd", "qdot", "omega",
+        "qd", "dq", "vel", "velo", "velocity", "velocities", "speed", "speeds", "spd", "qdot", "omega",
         "rate",
     },
     "torque": {"tau", "torque", "torques", "effort", "efforts", "moment", "trq", "tq"},
