@@ -6,7 +6,8 @@ are kept as structures (``level.Time``, ``level.Data``), and so Simulink saves t
 another length than most are a table where one of them is a time.
 
 >>> a, b = np.arange(4.0), np.arange(3.0) / 2
->>> found, _ = by_clock({"u.Time": a, "u.Data": a, "y.Time": b, "y.Data": b, "v.Time": a, "v.Data": a})
+>>> named = {"u.Time": a, "u.Data": a, "y.Time": b, "y.Data": b, "v.Time": a, "v.Data": a}
+>>> found, _ = by_clock(named)
 >>> {name: list(part) for name, part in found.items()}
 {'u': ['u.Time', 'u.Data', 'v.Data'], 'y': ['y.Time', 'y.Data']}
 """

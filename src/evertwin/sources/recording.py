@@ -19,6 +19,7 @@ from evertwin.sources.arrays import open_npy, open_npz
 from evertwin.sources.bags import open_bag
 from evertwin.sources.carmen import open_carmen
 from evertwin.sources.dialect import FOUND, Stated
+from evertwin.sources.echoed import echoed
 from evertwin.sources.exported import exported
 from evertwin.sources.foreign import foreign
 from evertwin.sources.lvm import MAGIC, open_lvm
@@ -99,7 +100,9 @@ def _recording(path: Path, stated: Stated) -> Recording:
         scope = open_scope(path)
         if scope is not None:
             return exported(scope)
-        return exported(Recording(path, "csv", (TextTable(path, stated=stated),)))
+        text = TextTable(path, stated=stated)
+        note = echoed(text)
+        return exported(Recording(path, "csv", (text,), (note,) * bool(note)))
     if kind in _OPEN:
         return exported(_OPEN[kind](path))
     return open_bag(path, kind)

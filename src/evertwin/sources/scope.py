@@ -12,6 +12,7 @@ may share one.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -46,12 +47,13 @@ def open_scope(path: Path) -> Recording | None:
     if block is None or head is None:
         return None
     encoding = encoding_of(lines[: head.skip])
+    clocks = [clock for clock, _ in head.clocks]
     notes = [
         f"{shown(name, encoding)}: the scope scales it ({shown(key, encoding)} "
         f"{shown(block.rows[key][j], encoding)}): an export without scaled values holds raw ones"
         for key, usual in ((b"ScaleFactor", 1.0), (b"Offset", 0.0)) if key in block.rows
         for j, name in enumerate(head.names)
-        if j not in [clock for clock, _ in head.clocks] and _number(block.rows[key], j, usual) != usual
+        if j not in clocks and _number(block.rows[key], j, usual) != usual
     ]  # fmt: skip
     return Recording(path, "csv", parts_of_text(path, head, lines), tuple(notes))
 
@@ -125,7 +127,7 @@ def _number(cells: Sequence[bytes], j: int, usual: float) -> float:
 def _of_time(body: Sequence[Sequence[bytes]], j: int, sample: float) -> str:
     """The unit of stamps, by what they advance by; empty where it is not clear."""
     stamps = [_number(row, j, float("nan")) for row in body]
-    steps = [b - a for a, b in zip(stamps[:-1], stamps[1:], strict=True) if b > a]
+    steps = [b - a for a, b in pairwise(stamps) if b > a]
     if not steps or not sample > 0.0:
         return "ms"
     ratio = sorted(steps)[len(steps) // 2] / sample

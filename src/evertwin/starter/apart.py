@@ -67,7 +67,7 @@ def _levels(name: str) -> list[int]:
 
 def _denied(above: str, below: Sequence[Sequence[str]], every: int) -> bool:
     """Would a namespace say of all below it what some of them deny? A difference of all that is
-    recorded, a command of what is measured, a quantity of another one, one wheel of a whole base."""
+    recorded, a command of what is measured, a quantity of another, one wheel of a whole base."""
     said = words(above)
     what, named = role(said), quantity(said)
     roles, quantities = {role(one) for one in below}, {quantity(one) for one in below} - {""}

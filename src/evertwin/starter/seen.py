@@ -32,6 +32,8 @@ LOST = 0.5
 HELD, UNEVEN = 0.5, 2.0
 """Share of the rows that repeat the one before, and longest step over shortest without the rarest
 twentieths, from which on a table is not sampled: it says what holds until it says more."""
+PERIODS = ("ts", "dt", "t_s", "sampling_time", "sample_time")
+"""Names of a column that holds one number: seconds from row to row."""
 COUNTED = {
     "sample", "samples", "index", "idx", "row", "record", "nr", "no", "number", "seq", "count",
     "counter", "line", "zeile", "point", "unnamed",
@@ -78,6 +80,14 @@ class Seen:
         values = np.column_stack([self.values(name) for name in columns])
         same = (values[1:] == values[:-1]).all(axis=1)
         return bool(same.mean() > HELD or time.period_high > UNEVEN * time.period_low)
+
+    @property
+    def period(self) -> float | None:
+        """Seconds from row to row: of the column of time, or what a constant column says."""
+        if self.table.time is not None:
+            return self.table.time.period
+        said = (c.low for c in self.columns if c.name.lower() in PERIODS and c.low == c.high)
+        return next((value for value in said if value > 0.0), None)
 
     @cached_property
     def shared(self) -> frozenset[str]:

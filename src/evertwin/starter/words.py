@@ -23,8 +23,8 @@ from evertwin.starter.abroad import english
 QUANTITIES = {
     "acceleration": {"qdd", "ddq", "acc", "accel", "acceleration", "accelerations", "qddot"},
     "velocity": {
-        "qd", "dq", "vel", "velo", "velocity", "velocities", "speed", "speeds", "spd", "qdot", "omega",
-        "rate",
+        "qd", "dq", "vel", "velo", "velocity", "velocities", "speed", "speeds", "spd", "qdot",
+        "omega", "rate",
     },
     "torque": {"tau", "torque", "torques", "effort", "efforts", "moment", "trq", "tq"},
     "current": {"i", "cur", "curr", "current", "currents", "amps", "amp"},
