@@ -105,8 +105,8 @@ class Part:
                 yield self._stamped(rows, numbers, time == TIME)
             elif time == first and rows.time.dtype.kind == "S":
                 there = rows.time != b""  # it ended before others did
-                parts = (part[there] for part in rows[:4])
-                yield Rows(*parts, rows.problems)
+                line, order, stamps, values = (part[there] for part in rows[:4])
+                yield Rows(line, order, stamps, values, rows.problems)
             else:
                 yield rows
 

@@ -68,7 +68,7 @@ def stems(name: str) -> Iterator[str]:
 
 
 def _digest(array: np.ndarray) -> bytes:
-    return hashlib.sha256(np.ascontiguousarray(array, dtype=np.float64)).digest()
+    return hashlib.sha256(np.ascontiguousarray(array, dtype=np.float64).tobytes()).digest()
 
 
 def _is_clock(array: np.ndarray) -> bool:

@@ -63,7 +63,7 @@ def head_of(lines: Sequence[bytes]) -> Head | None:
     block = _block(lines)
     if block is None:
         return None
-    names = next(iter(block.rows.values()))
+    names = block.rows[b"Name"]
     clocks = [j for j, cell in enumerate(names) if cell == names[0]]
     ends = [*clocks[1:], len(names)]
     skip = next((i for i in range(block.stop, len(lines)) if lines[i].strip()), block.stop)
@@ -86,24 +86,20 @@ def head_of(lines: Sequence[bytes]) -> Head | None:
 def _block(lines: Sequence[bytes]) -> _Block | None:
     """Lines that have their keys in the same places, several of them, or say how they sample."""
     for sign in (b"\t", b";", b","):
-        places, first, rows = (0,), 0, dict[bytes, list[bytes]]()
+        places: tuple[int, ...] = ()
+        first, rows = 0, dict[bytes, list[bytes]]()
         for i, line in enumerate([*lines[:_TOP], b""]):
             cells = [cell.strip() for cell in line.split(sign)]
             keys = tuple(j for j, cell in enumerate(cells) if cell and cell == cells[0])
-            if (
-                cells[0]
-                and len(cells) > 1
-                and not _is_number(cells[0])
-                and (not rows or keys == places)
-            ):
+            keyed = len(cells) > 1 and bool(cells[0]) and not _is_number(cells[0])
+            if rows and not (keyed and keys == places):
+                sampled = any(key.startswith(b"SampleTime") for key in rows)
+                if len(rows) >= _LEAST and b"Name" in rows and (len(places) > 1 or sampled):
+                    return _Block(first, i, sign, rows)
+                rows = {}
+            if keyed:
                 first, places = (first, places) if rows else (i, keys)
                 rows[cells[0]] = cells
-                continue
-            sampled = any(key.startswith(b"SampleTime") for key in rows)
-            if len(rows) >= _LEAST and b"Name" in rows and (len(places) > 1 or sampled):
-                return _Block(first, i, sign, rows)
-            rows = {cells[0]: cells} if len(cells) > 1 and cells[0] else {}
-            first, places = i, keys
     return None
 
 
