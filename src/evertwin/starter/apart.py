@@ -4,7 +4,7 @@ A file called ``diffA_cmd_vel.csv`` beside ``diffA_pose.csv`` says of its column
 commands, and not that they are differences; ``/target_bot/cmd_vel/linear/x`` beside
 ``/target_bot/odom/pose/position/x`` is told, and the other one is measured.
 
->>> names = ["/diff_bot/cmd_vel/linear/x", "/diff_bot/odom/pose/position/x"]
+>>> names = ["/target_bot/cmd_vel/linear/x", "/target_bot/odom/pose/position/x"]
 >>> list(bare(names).values())
 ['cmd_vel/linear/x', 'odom/pose/position/x']
 >>> themes(["set3_cmd_vel", "set3_pose"]), themes(["errors"])
