@@ -19,6 +19,7 @@ from evertwin.prognosis.lone_series import Wear, wear_in
 from evertwin.setup.configured_model import model_of
 from evertwin.sources.names import unit_problem
 from evertwin.starter import (
+    ARM,
     PUMP,
     Draft,
     Proposal,
@@ -26,6 +27,7 @@ from evertwin.starter import (
     answered,
     belonging,
     by_axis,
+    joints_of,
     kind_of,
     look,
     mapped,
@@ -35,8 +37,10 @@ from evertwin.starter import (
     own_model,
     pump,
     pump_model,
+    stand_in,
     unforeseen,
 )
+from evertwin.starter.proposal import ASK
 
 
 def write_starter(
@@ -68,6 +72,10 @@ def write_starter(
         if one.exists() and not force:
             raise UsageError(f"{one}: exists already: choose another name, or say --force")
     drafts = [_draft(one, (kind, urdf), part) for one, (_, part) in zip(outs, axes, strict=True)]
+    for info in told:  # what is left out comes first
+        for note in info.notes:
+            where = "" if len(files) == 1 else f"{info.file}: "
+            typer.echo(f"evertwin: {where}{note}", err=True)
     contents = [_write(draft, force) for draft in drafts]
     content = contents[0] | ({"axes": contents} if len(contents) > 1 else {})
     show(content, "\n".join(draft.summary() for draft in drafts), as_json)
@@ -75,7 +83,7 @@ def write_starter(
         next_one = wear.command(str(files[0]))
         typer.echo(f"evertwin: does one of its columns tell wear? Then: {next_one}", err=True)
     odd = (note for draft in drafts for note in _odd_units(draft))
-    for note in (*others, *(note for info in told for note in info.notes), *odd):
+    for note in (*others, *odd):
         typer.echo(f"evertwin: {note}", err=True)
 
 
@@ -104,6 +112,9 @@ def _draft(out: Path, model: tuple[str, Path | None], seen: tuple[Seen, ...]) ->
     kind, urdf = model
     if kind == PUMP:
         return _pump(out, seen)
+    if kind == ARM and urdf is None:
+        return _arm(out, seen)
+    kind = "arm" if kind == ARM else kind
     drafts = [
         Draft(out, kind, options, built, seen, belonging(mapped(built, seen), seen))
         for options in options_of(kind, urdf, _own(out))
@@ -124,6 +135,13 @@ def _pump(out: Path, seen: tuple[Seen, ...]) -> Draft:
         c.name for s, one in enumerate(seen) for c in one.columns if (s, c.name) not in names
     )
     return Draft(out, "python", options, built, seen, Proposal(found, (), (), rest))
+
+
+def _arm(out: Path, seen: tuple[Seen, ...]) -> Draft:
+    """Of an arm that is not described: its joints are known, of its bodies is asked."""
+    built = machine("arm", stand_in(joints_of(seen)))
+    options = {"urdf": ASK, "law": "tanh+load", "base": True, "payload": True}
+    return Draft(out, "arm", options, built, seen, mapped(built, seen))
 
 
 def _write(draft: Draft, force: bool) -> dict[str, Any]:

@@ -14,7 +14,7 @@ import math
 from functools import lru_cache
 from typing import NamedTuple
 
-from evertwin.signals.unit_text import factors
+from evertwin.signals.unit_text import factors, plain
 
 _POWERS: dict[str, dict[str, int]] = {
     **{base: {base: 1} for base in ("A", "K", "kg", "m", "rad", "s")},
@@ -55,7 +55,7 @@ def common(unit: str) -> Known | None:
         factor, offset, si = _SCALED[unit]
         return Known(factor, offset, si, _powers(si) or {})
     powers = _powers(unit)
-    return None if powers is None else Known(1.0, 0.0, unit, powers)
+    return None if powers is None else Known(1.0, 0.0, plain(unit), powers)
 
 
 def _powers(unit: str) -> dict[str, int] | None:

@@ -55,9 +55,22 @@ _ARMS: dict[str, Factors] = {
 }  # fmt: skip
 
 
+_EFFECTIVE = re.compile(r"(?<=[AV])[_ ]?(?:[Ee]ff|rms|RMS)$")
+
+
+def plain(text: str) -> str:
+    """A unit without the word that its values are effective ones (root mean square).
+
+    >>> plain("Aeff"), plain("mA_rms"), plain("V RMS"), plain("farms")
+    ('A', 'mA', 'V', 'farms')
+    """
+    return _EFFECTIVE.sub("", text)
+
+
 @lru_cache(4096)
 def factors(text: str) -> Factors | None:
     """(symbol, power) of a unit, in order; None for a text that is none."""
+    text = plain(text)
     if text in _NONE:
         return ()
     tokens = _tokens(text)

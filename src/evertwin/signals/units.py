@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 from evertwin.errors import UsageError
 from evertwin.signals.common_units import common
-from evertwin.signals.unit_text import factors
+from evertwin.signals.unit_text import factors, plain
 
 if TYPE_CHECKING:
     import pint
@@ -147,7 +147,7 @@ def si_unit(unit: str) -> str:
     if known is not None:
         return known.si
     if conversion(unit) == (1.0, 0.0):
-        return unit if factors(unit) else "1"
+        return plain(unit) if factors(unit) else "1"
     if "deg" in unit and compatible(unit, "degC"):
         return "K"
     base = _registry().Quantity(1.0, _parse(unit)).to_base_units().units

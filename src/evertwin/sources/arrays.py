@@ -1,7 +1,8 @@
-"""Arrays that a file holds whole (npy, npz, MAT) as one table.
+"""Arrays that a file holds whole (npy, npz, MAT) as tables, most often one.
 
 A vector of n values is a column; a matrix of n rows is one column per matrix column, called
-``q.1``, ``q.2``, …; arrays of another length, texts and single numbers are left out and named.
+``q.1``, ``q.2``, …; arrays of another length are a table of their own where they have a clock, else
+they are left out and named, as texts and single numbers are.
 ``npy`` is mapped into memory page by page. ``npz`` and MAT have to be unpacked whole, so they are
 refused beyond a gigabyte: Parquet streams. Object arrays are pickles inside and never loaded.
 """
@@ -15,13 +16,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 
 from evertwin.errors import DataError
 from evertwin.sources.foreign import Damaged, foreign
 from evertwin.sources.names import distinct, listed
+from evertwin.sources.own_clocks import by_clock, stems, units_of
 from evertwin.sources.table import WIDEST, Column, Recording, Rows
+from evertwin.sources.time_unit import time_column
 
 LARGEST = 1 << 30
 """Bytes that a file may unpack to."""
@@ -85,8 +89,18 @@ def kind_of(array: Array) -> str:
     return "number" if array.dtype.kind in "fiu" else "text"
 
 
-def table_of(path: Path, arrays: Mapping[str, Array], kind: str, notes: Sequence[str]) -> Recording:
-    """One table from named arrays: those that share the commonest length.
+def table_of(
+    path: Path, arrays: Mapping[str, Array], kind: str, notes: Sequence[str],
+    texts: Mapping[str, str] = MappingProxyType({}),
+) -> Recording:  # fmt: skip
+    """The tables that named arrays make: those of one length, or of one clock, are one.
+
+    Args:
+        path: the file.
+        arrays: by their path in it.
+        kind: of the file.
+        notes: what was left out already.
+        texts: what it says in words, by their path: units.
 
     Raises:
         DataError: no array can be a column.
@@ -107,15 +121,44 @@ def table_of(path: Path, arrays: Mapping[str, Array], kind: str, notes: Sequence
             f"{path.name}: expected arrays of at least two rows, got none "
             f"({listed(left_out) or 'the file is empty'}): save each signal as a vector"
         )
-    length = Counter(len(a) for a in flat.values()).most_common(1)[0][0]
-    short = [n for n, a in flat.items() if len(a) != length]
-    left_out += [f"{n}: {len(flat[n])} rows, the table has {length}" for n in short]
-    kept = {n: a for n, a in flat.items() if len(a) == length}
-    names = distinct(list(kept))
-    columns = tuple(Column(n, kind_of(a)) for n, a in zip(names, kept.values(), strict=True))
-    return Recording(
-        path, kind, (ArrayTable(path, columns, tuple(kept.values())),), tuple(left_out)
+    tables, short = _tables(path, flat, texts)
+    left_out += short
+    return Recording(path, kind, tables, tuple(left_out))
+
+
+def _tables(
+    path: Path, flat: Mapping[str, Array], texts: Mapping[str, str]
+) -> tuple[tuple[ArrayTable, ...], list[str]]:
+    """The vectors that share a clock, clock by clock; the others by their length, the commonest
+    first, others where one is a time; and what is left out of these."""
+    clocked, used = by_clock(flat)
+    parts = list(clocked.items())
+    rest = {n: a for n, a in flat.items() if n not in used}
+    main = Counter(len(a) for a in flat.values()).most_common(1)[0][0]
+    timed = {stem for name in used for stem in stems(name)}
+    left_out = [f"{n}: char is no number" for n in texts if timed.isdisjoint(stems(n))]
+    for length in sorted({len(a) for a in rest.values()}, key=lambda n: n != main):
+        part = {n: a for n, a in rest.items() if len(a) == length}
+        table = _table(path, part, "", texts)
+        time = time_column(table) if len(part) > 1 else None
+        if time is not None or (length == main and not clocked):
+            parts.append(("" if time is None else time.name, part))
+        else:
+            left_out += [f"{n}: {length} rows, the table has {main}" for n in part]
+    named = distinct([name or "table" for name, _ in parts]) if len(parts) > 1 else ("",)
+    tables = (_table(path, part, name, texts) for name, (_, part) in zip(named, parts, strict=True))
+    return tuple(tables), left_out
+
+
+def _table(
+    path: Path, part: Mapping[str, Array], name: str, texts: Mapping[str, str]
+) -> ArrayTable:
+    names = distinct(list(part))
+    columns = (
+        Column(n, kind_of(a), units_of(original, texts))
+        for n, (original, a) in zip(names, part.items(), strict=True)
     )
+    return ArrayTable(path, tuple(columns), tuple(part.values()), name)
 
 
 def named_fields(name: str, array: Array) -> dict[str, Array]:

@@ -33,6 +33,8 @@ _CLASSES = dict(enumerate(
 _NUMBERS = tuple(_CLASSES.values())[5:15]
 _NUMERIC = {*_NUMBERS, "struct"}
 _MATRIX, _PACKED = 14, 15
+_WORD = 64
+"""Signs of the longest text that can be a unit."""
 _HEAD = 1 << 12
 """Bytes of a variable that hold its class, shape and name."""
 
@@ -59,12 +61,12 @@ def open_mat(path: Path) -> Recording:
     notes = [f"{v.name}: {v.kind} is no number" for v in variables if v.kind not in _NUMERIC]
     wanted = [v.name for v in variables if v.kind in _NUMERIC]
     bounded(path, sum(v.size for v in variables if v.kind in _NUMERIC), path.stat().st_size)
-    arrays: dict[str, Array] = {}
+    found = _Found({}, {}, notes)
     with foreign(path.name):
         content = scipy.io.loadmat(str(path), variable_names=wanted)
         for name in wanted:
-            _collect(name, content.get(name), arrays, notes)
-    return table_of(path, arrays, "mat", notes)
+            _collect(name, content.get(name), found)
+    return table_of(path, found.arrays, "mat", notes, found.texts)
 
 
 def _variables(path: Path) -> Iterator[_Variable]:
@@ -109,18 +111,28 @@ def _element(elements: io.BytesIO, order: str) -> bytes:
     return data
 
 
-def _collect(name: str, value: Any, arrays: dict[str, Array], notes: list[str]) -> None:
-    """Numeric arrays of a variable, those of a structure as ``structure.field``."""
+class _Found(NamedTuple):
+    arrays: dict[str, Array]
+    texts: dict[str, str]
+    notes: list[str]
+
+
+def _collect(name: str, value: Any, found: _Found) -> None:
+    """Numbers and texts of a variable, those of a structure as ``structure.field``, of several
+    as ``structure.1.field``."""
     if not isinstance(value, np.ndarray):
-        notes.append(f"{name}: {type(value).__name__} is no number")
-    elif value.dtype.names is not None and value.size == 1:
-        record = value.reshape(-1)[0]
-        for field in value.dtype.names:
-            _collect(f"{name}.{field}", record[field], arrays, notes)
+        found.notes.append(f"{name}: {type(value).__name__} is no number")
+    elif value.dtype.names is not None and 0 < value.size <= WIDEST:
+        for i, record in enumerate(value.reshape(-1)):
+            stem = name if value.size == 1 else f"{name}.{i + 1}"
+            for field in value.dtype.names:
+                _collect(f"{stem}.{field}", record[field], found)
+    elif value.dtype.kind == "U" and value.size == 1:
+        found.texts[name] = str(value.reshape(-1)[0])
     elif value.dtype.kind in "fiub" and value.ndim <= 2:
-        arrays[name] = value
+        found.arrays[name] = value
     else:
-        notes.append(f"{name}: {value.dtype} of shape {value.shape} is no column")
+        found.notes.append(f"{name}: {value.dtype} of shape {value.shape} is no column")
 
 
 def open_mat73(path: Path) -> Recording:
@@ -132,15 +144,18 @@ def open_mat73(path: Path) -> Recording:
     """
     h5py = load("h5py")
     notes: list[str] = []
-    arrays: dict[str, Array] = {}
+    arrays, texts = dict[str, Array](), dict[str, str]()
     with foreign(path.name), h5py.File(path, "r") as file:
         found = dict(_datasets(h5py, file, "", notes, 0))
         size = sum(8.0 * math.prod(float(n) for n in d.shape) for d in found.values())
         bounded(path, size, path.stat().st_size)
         for name, dataset in found.items():
             value = np.asarray(dataset[()]).T
+            if _class(dataset) == "char":
+                texts[name] = "".join(map(chr, value.reshape(-1)))
+                continue
             arrays[name] = value.astype(np.bool_) if _class(dataset) == "logical" else value
-    return table_of(path, arrays, "mat", notes)
+    return table_of(path, arrays, "mat", notes, texts)
 
 
 def _datasets(h5py: Any, group: Any, stem: str, notes: list[str], depth: int) -> Any:
@@ -159,7 +174,7 @@ def _datasets(h5py: Any, group: Any, stem: str, notes: list[str], depth: int) ->
             else:
                 notes.append(f"{name}: a structure within {DEEPEST} others")
         elif (
-            _class(item) not in (*_NUMBERS, "logical")
+            _class(item) not in (*_NUMBERS, "logical", *(["char"] if item.size <= _WORD else []))
             or item.dtype.kind not in "fiu"
             or item.ndim > 2
         ):

@@ -19,11 +19,14 @@ from evertwin.sources.arrays import open_npy, open_npz
 from evertwin.sources.bags import open_bag
 from evertwin.sources.carmen import open_carmen
 from evertwin.sources.dialect import FOUND, Stated
+from evertwin.sources.echoed import echoed
 from evertwin.sources.exported import exported
 from evertwin.sources.foreign import foreign
+from evertwin.sources.lvm import MAGIC, open_lvm
 from evertwin.sources.mat import open_mat, open_mat73
 from evertwin.sources.parquet import open_parquet
-from evertwin.sources.sniff import sniff
+from evertwin.sources.scope import open_scope
+from evertwin.sources.sniff import opened, sniff
 from evertwin.sources.table import WIDEST, Recording, Table
 from evertwin.sources.text import TextTable
 
@@ -40,6 +43,7 @@ _OWN = frozenset(
         "dat",
         "log",
         "mat",
+        "lvm",
         "parquet",
         "npy",
         "npz",
@@ -90,7 +94,15 @@ def _recording(path: Path, stated: Stated) -> Recording:
             return _opened(point.load(), path)
     kind = sniff(path)
     if kind == "text":
-        return exported(Recording(path, "csv", (TextTable(path, stated=stated),)))
+        with opened(path) as file:
+            if file.read(len(MAGIC)) == MAGIC:
+                return open_lvm(path)
+        scope = open_scope(path)
+        if scope is not None:
+            return exported(scope)
+        text = TextTable(path, stated=stated)
+        note = echoed(text)
+        return exported(Recording(path, "csv", (text,), (note,) * bool(note)))
     if kind in _OPEN:
         return exported(_OPEN[kind](path))
     return open_bag(path, kind)

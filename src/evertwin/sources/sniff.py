@@ -12,6 +12,7 @@ saved instead of the recording, a Git LFS pointer, a spreadsheet, an archive.
 from __future__ import annotations
 
 import gzip
+import io
 import re
 import zlib
 from pathlib import Path
@@ -71,6 +72,13 @@ def sniff(path: Path) -> str:
         if kind == "gzip":
             kind = _inside_gzip(path)
     return kind
+
+
+def opened(path: Path) -> io.BufferedIOBase:
+    """A text on disk, unpacked where it is packed."""
+    with path.open("rb") as file:
+        packed = file.read(2) == b"\x1f\x8b"
+    return gzip.open(path, "rb") if packed else path.open("rb")
 
 
 def kind_of(head: bytes, name: str) -> str:

@@ -11,7 +11,6 @@ is an error with file, line and column. Gzip is unpacked while reading.
 from __future__ import annotations
 
 import gzip
-import io
 import re
 import zlib
 from collections.abc import Iterator, Sequence
@@ -37,6 +36,7 @@ from evertwin.sources.dialect import (
 )
 from evertwin.sources.names import bracketed, distinct, split_unit
 from evertwin.sources.slashed import slashed
+from evertwin.sources.sniff import opened
 from evertwin.sources.stamps import texts
 from evertwin.sources.table import Column, Problem, Rows
 from evertwin.types import Float64
@@ -127,7 +127,7 @@ class TextTable:
         reason when the compressed stream broke off.
         """
         line, held, rest, reason = 1, list[bytes](), b"", ""
-        with _opened(self.path) as file:
+        with opened(self.path) as file:
             while not reason:
                 try:
                     data = file.read(size)
@@ -175,12 +175,6 @@ def columns_of(d: Dialect) -> tuple[Column, ...]:
     found = tuple(map(Column, names, kinds, units, also))
     closed = bool(d.headings.names) and not split[-1][0] and d.kinds[-1] == "?"
     return found[:-1] if closed else found  # each line ends with a delimiter
-
-
-def _opened(path: Path) -> io.BufferedIOBase:
-    with path.open("rb") as file:
-        packed = file.read(2) == b"\x1f\x8b"
-    return gzip.open(path, "rb") if packed else path.open("rb")
 
 
 @dataclass

@@ -33,9 +33,11 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.errors import DataError
+from evertwin.signals.units import compatible
 from evertwin.sources.dates import ORDERS, is_date, is_whole, order_of
 from evertwin.sources.description import ClockInfo
 from evertwin.sources.exported import parts_of
+from evertwin.sources.names import unit_problem
 from evertwin.sources.stamps import NO_STAMP, to_ns
 from evertwin.sources.table import Column, Table
 from evertwin.types import Int64, Stamps
@@ -48,6 +50,7 @@ _HINTS = {
     "min": {"min", "mins", "minute", "minutes", "minuten", "minuti", "minutos"},
     "h": {"h", "hr", "hrs", "hour", "hours", "stunde", "stunden", "heures", "ore", "horas"},
 }
+_ALL_HINTS = frozenset[str]().union(*_HINTS.values())
 _STATED, EPOCH = "stated in the heading", "counted from 1970"
 _NUMBER = re.compile(rb"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$")
 _FIRST, _LAST = 946_684_800, 4_102_444_800
@@ -162,28 +165,54 @@ def time_column(table: Table) -> Column | None:
     """The column that holds the stamps: by its kind, its name, or first and increasing.
 
     A bag's own stamps come first; then calendar stamps; then usual names; then times of day; then
-    dates without a time; then the first column, if it is a number that grows all through the first
-    rows, and nearly all through thousands. A message's number in its sequence is no time.
+    dates without a time; then a unit of time that the file states of a column that grows; then the
+    first column, if it is a number that grows all through the first rows, and nearly all through
+    thousands. A message's number in its sequence is no time, nor is what states a unit of anything
+    else; a ``t`` that falls as often as it grows is a temperature.
     """
     columns = table.columns
-    usual = [column for column in columns if column.kind == "number" and _usual(column)]
+    numbers = [c for c in columns if c.kind == "number" and not _states(c, of_time=False)]
+    usual = [c for c in numbers if _usual(c) and (_named(c) or _grows(table, c, 0.1))]
     dated = sorted(
         ((_lacks(table, column), column) for column in columns if column.kind == "time"),
         key=lambda pair: pair[0],
     )
     if dated and not (usual and dated[0][0]):
         return _of_one_day(table, dated[0][1])
-    if usual:
-        return usual[0]
-    numeric = [c.name for c in columns if c.kind == "number"]
-    if len(numeric) < 2 or columns[0].name != numeric[0] or "seq" in _words(numeric[0]):
+    stated = (c for c in numbers if _states(c, of_time=True) and _grows(table, c, 0.01))
+    found = next(iter(usual), None) or next(stated, None)
+    if found is not None:
+        return found
+    several = sum(column.kind == "number" for column in columns) > 1
+    if not several or columns[:1] != tuple(numbers[:1]) or "seq" in _words(columns[0].name):
         return None
-    rows = next(iter(table.rows(numeric, None, strict=False)), None)
+    return columns[0] if _grows(table, columns[0], 0.01) else None
+
+
+def _states(column: Column, of_time: bool) -> bool:
+    """Does it state a unit of time, or of anything else?"""
+    unit = column.unit
+    if not unit or unit == "1" or (unit.lower() not in _ALL_HINTS and unit_problem(unit)):
+        return False
+    return (unit.lower() in _ALL_HINTS or compatible(unit, "s")) == of_time
+
+
+def _named(column: Column) -> bool:
+    """Does its name say no more than ``t`` and a unit of time? ``t_in`` is a temperature, too."""
+    said = map(_words, (column.name, *column.also))
+    return any(one and (one[0] != "t" or _ALL_HINTS.issuperset(one[1:])) for one in said)
+
+
+def _grows(table: Table, column: Column, back: float) -> bool:
+    """Does it grow through the first rows, and through thousands but for a share of steps
+    ``back``? An angle, too, grows for a while."""
+    rows = next(iter(table.rows([column.name], None, strict=False)), None)
     if rows is None or len(rows.line) < 3:
-        return None
-    steps = np.diff(rows.values[:, 0])  # an angle, too, grows for a while
-    grows = bool((steps[:100] >= 0).all() and (steps > 0).mean() > 0.5)
-    return columns[0] if grows and bool((steps < 0).mean() < 0.01) else None
+        return False
+    steps = np.diff(rows.values[:, 0])
+    steps = steps[np.isfinite(steps)]
+    first = back > 0.01 or bool((steps[:100] >= 0).all())
+    return first and bool((steps > 0).mean() > 0.5) and bool((steps < 0).mean() < back)
 
 
 def _of_one_day(table: Table, column: Column) -> Column:
@@ -286,6 +315,8 @@ def other_clocks(table: Table, first: Column) -> tuple[ClockInfo, ...]:
 
 def _tells_time(column: Column) -> bool:
     words = _words(column.name)
+    if _states(column, of_time=False):
+        return False
     named = bool(words) and (words[0] in NAMES or any(w in NAMES[1:] for w in words))
     return column.kind == "time" or (column.kind == "number" and named)
 

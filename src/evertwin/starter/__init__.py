@@ -9,7 +9,10 @@ from evertwin.surface import surface
 if TYPE_CHECKING:
     from evertwin.starter.axes import by_axis as by_axis
     from evertwin.starter.draft import Draft as Draft
-    from evertwin.starter.kinds import PUMP as PUMP, kind_of as kind_of, pump as pump
+    from evertwin.starter.joints import joints_of as joints_of, stand_in as stand_in
+    from evertwin.starter.kinds import (
+        ARM as ARM, PUMP as PUMP, kind_of as kind_of, pump as pump,
+    )  # fmt: skip
     from evertwin.starter.mapping import mapped as mapped
     from evertwin.starter.model_file import own_model as own_model, pump_model as pump_model
     from evertwin.starter.namespaces import (

@@ -2,8 +2,8 @@
 
 >>> english("Soll-Geschwindigkeit"), english("Motorstrom"), english("température")
 ('setpoint-speed', 'current', 'temperature')
->>> english("Istdrehzahl Achse 3"), english("q_2")
-('actual speed joint 3', 'q_2')
+>>> english("Istdrehzahl Achse 3"), english("Lagesollwert"), english("q_2")
+('actual speed joint 3', 'setpoint position', 'q_2')
 """
 
 from __future__ import annotations
@@ -42,9 +42,10 @@ ABROAD = {
 _ENGLISH = {word: name for name, several in ABROAD.items() for word in several.split()}
 _COMPOUND = re.compile(
     "(soll|ist|raum|umgebungs|aussen)?[a-z]*?(geschwindigkeit|drehzahl|position|stellung|winkel|beschleunigung"
-    "|drehmoment|moment|kraft|strom|spannung|temperatur)"
+    "|drehmoment|moment|kraft|strom|spannung|temperatur|lage(?=soll|ist))(?:s|en)?(soll|ist)?(?:wert)?"
 )
-"""German writes words together: what a thing is stands last, whether it is told stands first."""
+"""German writes words together: what a thing is stands last, whether it is told stands first, or
+behind it (``Stromistwert``)."""
 
 
 def english(name: str) -> str:
@@ -63,4 +64,5 @@ def _said(word: str) -> str:
     if compound is None:
         return word
     said = _ENGLISH.get(compound[2], compound[2])
-    return f"{_ENGLISH[compound[1].removesuffix('s')]} {said}" if compound[1] else said
+    first = (compound[1] or "").removesuffix("s") or compound[3]
+    return f"{_ENGLISH[first]} {said}" if first else said

@@ -82,8 +82,8 @@ def _groups(seen: Sequence[Seen], joints: Sequence[str]) -> tuple[Group, ...]:
             if all(known[name].low == known[name].high for name in columns):
                 continue
             said = words(family.stem)
-            what = quantity(said, known[columns[0]].unit) or quantity(words(one.about))
-            found.append(Group(s, columns, what, role([*words(one.about), *said])))
+            what = quantity(said, known[columns[0]].unit) or quantity(words(one.theme))
+            found.append(Group(s, columns, what, role([*words(one.theme), *said])))
     return tuple(found)
 
 

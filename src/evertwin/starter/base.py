@@ -29,21 +29,24 @@ _ODOMETRY = {"odom", "odometry", "odo"}
 def of_wheels(
     matches: Sequence[Match], missing: Sequence[str], seen: Sequence[Seen]
 ) -> tuple[tuple[Match, ...], tuple[Derivation, ...]]:
-    """Speed ``v`` and turn rate ``w`` of two wheels or tracks, where no column is either: of those
-    that are commanded, else of those of which no name says whether they are."""
-    pair = None
-    if "v" in missing:
+    """Speed ``v`` and turn rate ``w`` of two wheels or tracks, where no column is either, or how
+    fast ``left`` and ``right`` turn: of those that are commanded, else of those of which no name
+    says whether they are."""
+    pair, each = None, SIDES.keys() <= set(missing)
+    if "v" in missing or each:
         pair = _pair(matches, seen, "command") or _pair(matches, seen, "")
     if pair is None:
         return (), ()
     (s, left), (other, right) = pair
     unit, reason = _speed(left)
-    if role([*words(seen[s].about), *words(left.name)]) != "command":
+    if role([*words(seen[s].theme), *words(left.name)]) != "command":
         reason = "no name says whether it is told or measured: please check"
     feeds = (
         Match("left", s, left.name, unit, reason), Match("right", other, right.name, unit, reason),
     )  # fmt: skip
     turning = unit != "m/s"
+    if each:
+        return (feeds if turning else ()), ()
     half: Answer = ASK if turning else 0.5
     derived = [
         Derivation("both", "sum", ("left", "right"), unit),
@@ -73,7 +76,7 @@ def _pair(
             varies = column.low != column.high and (s, column.name) not in used
             turns = asked == "command" or any(same_kind(column.unit, u) for u in ("m/s", "rad/s"))
             turns |= not column.unit and not TURNS.isdisjoint(said)
-            if side and varies and turns and role([*words(one.about), *said]) == asked:
+            if side and varies and turns and role([*words(one.theme), *said]) == asked:
                 sides.setdefault(side, (s, column))
     return tuple(sides[side] for side in SIDES) if len(sides) == len(SIDES) else None
 

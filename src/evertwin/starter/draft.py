@@ -25,8 +25,6 @@ from evertwin.starter.proposal import ASK, Match, Proposal, position, together
 from evertwin.starter.seen import Seen
 from evertwin.starter.words import quantity, same_kind, words
 
-PERIODS = ("ts", "dt", "t_s", "sampling_time", "sample_time")
-"""Names of a column that holds one number: seconds from row to row."""
 NAMED = 3
 """Recordings that are named in the first line."""
 EFFORTS = {"force", "torque"}
@@ -37,8 +35,10 @@ TRIED = 100
 trial."""
 ROOM = 1.25
 """So many times what cannot be foretold is asked at least."""
-FASTEST = 200.0
+FASTEST = 500.0
 """Rows per second that a static map is resampled to at most: motion is slower."""
+EXACT = 1e-6
+"""So near to three digits a period is that of a clock, and no mean of uneven ones."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class Draft:
             Source(
                 name, tuple(os.path.relpath(f.resolve(), here) for f in self.seen[s].files),
                 _pattern(self.seen[s]) if self._apart(used) else "", self.seen[s].table.time,
-                _period(self.seen[s]), tuple(m for m in self.proposal.matches if m.source == s),
+                self.seen[s].period, tuple(m for m in self.proposal.matches if m.source == s),
                 self._held(s),
             )
             for name, s in zip(names, used, strict=True)
@@ -138,12 +138,15 @@ class Draft:
 
     @property
     def rate(self) -> float | None:
-        """Rate to resample to: where derivatives, a filter or several sources need one."""
+        """Rate to resample to, where derivatives, a filter or several sources need one: of every
+        row, or of every second, third … one where they come faster than motion needs."""
         if self.period is None or not self.period > 0:
             return None
         if not self.static and len(self.sources) < 2:
             return None
-        return min(float(f"{1.0 / self.period:.3g}"), FASTEST)
+        exact = abs(float(f"{self.period:.3g}") / self.period - 1.0) < EXACT
+        rate = float(f"{1.0 / self.period:.{6 if exact else 3}g}")
+        return float(f"{rate / math.ceil(rate / FASTEST - EXACT):.6g}")
 
     @property
     def moving(self) -> dict[str, str]:
@@ -272,10 +275,15 @@ class Draft:
         return tuple(str(self.options.get("law", "")).split("+")[1:])
 
     @property
+    def undescribed(self) -> bool:
+        """Is it asked what the bodies of an arm are?"""
+        return self.options.get("urdf") == ASK
+
+    @property
     def once(self) -> tuple[str, ...]:
         """An arm's rotors and bodies stay once they are known, friction goes on."""
         names = self.model.parameters.names if self.model is not None else ()
-        if self.kind != "arm":
+        if self.kind != "arm" or self.undescribed:
             return ()
         links = dict.fromkeys(name.partition(".")[0] for name in names if "." in name)
         links.pop("payload", None)
@@ -357,6 +365,11 @@ class Draft:
             lines.append(f"to be answered in {self.out}, where it says {ASK!r}:")
             asked = together((name, what) for name, _, what in map(_cut, self.questions))
             lines += [f"  {name}: {what}" for name, what in asked]
+        if self.undescribed and self.model is not None:
+            lines.append(
+                f"its {len(self.model.outputs)} joints are found, its bodies have to be described: "
+                "--model arm --urdf FILE, or a DH table (docs/how-to/arm-of-your-own.md)"
+            )
         lines.append(f"next: evertwin doctor {self.out}")
         return "\n".join(lines)
 
@@ -369,13 +382,6 @@ def _digit(value: float, rounded: Callable[[float], int]) -> float:
 
 def _cut(question: str) -> tuple[str, str, str]:
     return question.partition(": ")
-
-
-def _period(seen: Seen) -> float | None:
-    if seen.table.time is not None:
-        return seen.table.time.period
-    said = (c.low for c in seen.columns if c.name.lower() in PERIODS and c.low == c.high)
-    return next((value for value in said if value > 0.0), None)
 
 
 def _pattern(seen: Seen) -> str:

@@ -15,7 +15,9 @@ import numpy as np
 from evertwin.machines.catalog import machine
 from evertwin.sources.description import ColumnInfo
 from evertwin.starter.axes import by_axis
+from evertwin.starter.bare import told_apart
 from evertwin.starter.draft import EFFORTS
+from evertwin.starter.joints import joints_of
 from evertwin.starter.mapping import mapped
 from evertwin.starter.named import unit_of
 from evertwin.starter.proposal import Match, Proposal
@@ -31,6 +33,8 @@ from evertwin.starter.words import (
     words,
 )
 
+ARM = "joints"
+"""An arm of which no description is given."""
 PUMP = "pump"
 """A static map from speed and flow to pressure, written as a model of one's own."""
 _FLOW, _PRESSURE, _SPEED = "m^3/s", "Pa", "rad/s"
@@ -41,10 +45,13 @@ _AXES = 3
 
 
 def kind_of(seen: Sequence[Seen]) -> str:
-    """A model's name, ``pump``, or ``python`` where the headings do not say."""
+    """A model's name, ``joints``, ``pump``, or ``python`` where the headings do not say."""
+    seen, _ = told_apart(seen)
     base = _base(seen)
     if base:
         return base
+    if joints_of(seen):
+        return ARM
     columns = [column for _, column in _varying(seen)]
     if len(pump(seen)) == len(("speed", "flow", "pressure")):
         return PUMP

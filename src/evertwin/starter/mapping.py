@@ -13,7 +13,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -25,7 +25,8 @@ from evertwin.signals import Channel, conversion
 from evertwin.sources.description import ColumnInfo
 from evertwin.sources.names import listed, unit_problem
 from evertwin.starter.arm import of_arm
-from evertwin.starter.base import of_odometry, of_pose, of_wheels
+from evertwin.starter.bare import restored, told_apart
+from evertwin.starter.base import SIDES, of_odometry, of_pose, of_wheels
 from evertwin.starter.cause import NAMED, stepped, told
 from evertwin.starter.compass import as_compass
 from evertwin.starter.named import matched, short, sole, unit_of
@@ -50,6 +51,11 @@ def mapped(model: Model | None, seen: Sequence[Seen]) -> Proposal:
     Raises:
         DataError: there are fewer than two columns of numbers for a model of one's own.
     """
+    seen, full = told_apart(seen)
+    return restored(_mapped(model, seen), full)
+
+
+def _mapped(model: Model | None, seen: Sequence[Seen]) -> Proposal:
     if model is None:
         own = _first_two(seen)
         return _rest((*own, *_beside(own, seen)), (), (), seen)
@@ -68,7 +74,8 @@ def _other(
     channels: Sequence[Channel], told: Sequence[str], seen: Sequence[Seen]
 ) -> tuple[list[Match], list[Derivation]]:
     """By names; what these leave open by wheels, a pose, the steadiest temperature, derivatives."""
-    matches, derived = _one_frame(channels, matched(channels, seen, told), seen), list[Derivation]()
+    named = [channel for channel in channels if channel.name not in SIDES]
+    matches, derived = _one_frame(channels, matched(named, seen, told), seen), list[Derivation]()
     feeds, computed = of_wheels(matches, _lacking(channels, matches, derived), seen)
     matches, derived = [*matches, *feeds], [*derived, *computed]
     feeds, computed = of_pose(_lacking(channels, matches, derived), seen, told)
@@ -79,7 +86,7 @@ def _other(
     matches += _room(matches, _lacking(channels, matches, derived), seen)
     lacking = _lacking(channels, matches, derived)
     taken = {(match.source, match.column) for match in matches}
-    matches += sole([c for c in channels if c.name in lacking], seen, told, taken)
+    matches += sole([c for c in named if c.name in lacking], seen, told, taken)
     matches = _heated_room(matches)
     missing = _lacking(channels, matches, derived)
     place = _place(channels, missing)
@@ -264,7 +271,21 @@ def _first_two(seen: Sequence[Seen]) -> tuple[Match, ...]:
             could = [c.name for c in alike if c.name not in taken]
             which = f"which one {'drives' if name == 'u' else 'answers'}? {listed(could, 4)}"
             out.append(Match(name, source, ASK, "1", which))
-    return tuple(out)
+    return out[0], _answering(out[1], rank, seen)
+
+
+def _answering(found: Match, rank: Mapping[str, int], seen: Sequence[Seen]) -> Match:
+    """What answers by its words in another table, where no column of the largest one says so."""
+    others = [
+        (told(c.name, c.unit), s, c)
+        for s, one in enumerate(seen) for c in one.columns if s != found.source and c.low != c.high
+    ]  # fmt: skip
+    least = min((one[0] for one in others), default=0)
+    fits = [one for one in others if one[0] == least]
+    if least >= min(0, *rank.values()) or len(fits) != 1:
+        return found
+    _, s, column = fits[0]
+    return Match(found.channel, s, column.name, _stated(column), "assumed: by its words")
 
 
 def _moves(column: ColumnInfo) -> bool:
@@ -274,8 +295,11 @@ def _moves(column: ColumnInfo) -> bool:
 def _beside(main: Sequence[Match], seen: Sequence[Seen]) -> tuple[Match, ...]:
     """What other tables hold: inputs for a model of one's own, under names of their own."""
     out, names = list[Match](), {match.channel for match in main}
+    taken = {(match.source, match.column) for match in main}
     for s, one in enumerate(seen):
-        for column in one.columns if s not in {match.source for match in main} else ():
+        for column in one.columns if s != main[0].source else ():
+            if (s, column.name) in taken:
+                continue
             name = short(column.name)
             if column.low != column.high and name not in names:
                 names.add(name)

@@ -189,7 +189,7 @@ def _score(channel: Channel, seen: Seen, column: ColumnInfo, told: Collection[st
     commanded = channel.name in told
     said = ([w for w in words(name) if w not in seen.shared] for name in names)
     alike = max(_alike(channel, theirs, column, commanded) for theirs in said)
-    about = role(words(seen.about))
+    about = role(words(seen.theme))
     fits = about == ("command" if commanded else "measured")
     return alike + (0.15 if fits else -0.2 if about else 0.0) if alike else 0.0
 

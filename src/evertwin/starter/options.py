@@ -36,6 +36,8 @@ def options_of(kind: str, urdf: Path | None, own: Path) -> Sequence[dict[str, An
         slides, turns = f"{law}+spring", f"{law}+position+spring+balance"
         return [{"law": slides}, {"law": law}, {"law": turns, "rotary": True},
                 {"law": law, "rotary": True}]  # fmt: skip
+    if kind == "differential":  # of wheels that turn, where no column is a speed of the base
+        return [{"wheels": True, "wheel_radius": ASK, "wheel_base": ASK}, {}]
     if kind == "bicycle":
         return [{"wheel_base": ASK, "front_drive": ASK}]
     if kind != "arm":

@@ -21,6 +21,7 @@ from evertwin.sources.info import inspect
 from evertwin.sources.recording import open_recording
 from evertwin.sources.stamps import NO_STAMP, to_ns
 from evertwin.sources.table import Recording
+from evertwin.starter.apart import themes
 from evertwin.starter.words import quantity, said_unit, words
 from evertwin.types import Float64, Vector
 
@@ -31,6 +32,13 @@ LOST = 0.5
 HELD, UNEVEN = 0.5, 2.0
 """Share of the rows that repeat the one before, and longest step over shortest without the rarest
 twentieths, from which on a table is not sampled: it says what holds until it says more."""
+PERIODS = ("ts", "dt", "t_s", "sampling_time", "sample_time")
+"""Names of a column that holds one number: seconds from row to row."""
+COUNTED = {
+    "sample", "samples", "index", "idx", "row", "record", "nr", "no", "number", "seq", "count",
+    "counter", "line", "zeile", "point", "unnamed",
+}  # fmt: skip
+"""Words of a column that counts rows."""
 FIXED = ("odom", "map", "world", "earth")
 """Frames that are no part of a machine (REP-105)."""
 
@@ -51,6 +59,8 @@ class Seen:
     """Stamps of its first rows [s]; None: it has no column of time."""
     rows: Float64[np.ndarray, "n columns"]
     """Their numbers, (n, columns)."""
+    theme: str = ""
+    """What its name says of its columns, which those of the others do not say of theirs."""
 
     @property
     def columns(self) -> tuple[ColumnInfo, ...]:
@@ -70,6 +80,14 @@ class Seen:
         values = np.column_stack([self.values(name) for name in columns])
         same = (values[1:] == values[:-1]).all(axis=1)
         return bool(same.mean() > HELD or time.period_high > UNEVEN * time.period_low)
+
+    @property
+    def period(self) -> float | None:
+        """Seconds from row to row: of the column of time, or what a constant column says."""
+        if self.table.time is not None:
+            return self.table.time.period
+        said = (c.low for c in self.columns if c.name.lower() in PERIODS and c.low == c.high)
+        return next((value for value in said if value > 0.0), None)
 
     @cached_property
     def shared(self) -> frozenset[str]:
@@ -123,16 +141,37 @@ def look(files: Sequence[Path]) -> tuple[tuple[Seen, ...], tuple[Info, ...]]:
     if not found:
         names = ", ".join(str(file) for file in files)
         raise DataError(f"{names}: fewer than two complete rows: look with evertwin info")
-    return tuple(found.values()), tuple(told)
+    return _with_themes(tuple(found.values())), tuple(told)
+
+
+def _with_themes(seen: Sequence[Seen]) -> tuple[Seen, ...]:
+    """What the names of topics, and of files, say of their columns."""
+    topics = [one for one in seen if one.table.name]
+    said = themes([one.table.name for one in topics], files=False)
+    files = [one for one in seen if not one.table.name]
+    said += themes([one.about for one in files])
+    named = dict(zip(map(id, [*topics, *files]), said, strict=True))
+    return tuple(replace(one, theme=named[id(one)]) for one in seen)
 
 
 def _machines(table: TableInfo) -> TableInfo:
-    """Without what is not the machine's own: what a twin says of it, and where frames of reference
-    are (``map → odom``)."""
+    """Without what is not the machine's own: what a twin says of it, where frames of reference are
+    (``map → odom``), and what counts the rows."""
     fixed = [f".transforms.{frame}.transform." for frame in FIXED]
     own = table.name.startswith(f"{RosOutSettings.topic}/")
-    kept = (c for c in table.columns if not own and not any(part in c.name for part in fixed))
+    kept = (
+        c for c in table.columns
+        if not own and not any(part in c.name for part in fixed) and not _counts(c, table)
+    )  # fmt: skip
     return replace(table, columns=tuple(kept))
+
+
+def _counts(column: ColumnInfo, table: TableInfo) -> bool:
+    """Does a column go up by one from row to row, and say that it counts?"""
+    if table.time is not None and column.name == table.time.column:
+        return False
+    named = not COUNTED.isdisjoint(words(column.name)) and not column.unit
+    return named and column.count > 1 and column.high - column.low == column.count - 1
 
 
 def _widened(one: TableInfo, other: TableInfo) -> TableInfo:

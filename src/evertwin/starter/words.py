@@ -23,8 +23,8 @@ from evertwin.starter.abroad import english
 QUANTITIES = {
     "acceleration": {"qdd", "ddq", "acc", "accel", "acceleration", "accelerations", "qddot"},
     "velocity": {
-        "qd", "dq", "vel", "velocity", "velocities", "speed", "speeds", "spd", "qdot", "omega",
-        "rate",
+        "qd", "dq", "vel", "velo", "velocity", "velocities", "speed", "speeds", "spd", "qdot",
+        "omega", "rate",
     },
     "torque": {"tau", "torque", "torques", "effort", "efforts", "moment", "trq", "tq"},
     "current": {"i", "cur", "curr", "current", "currents", "amps", "amp"},
@@ -95,6 +95,8 @@ _BEHIND = re.compile(
     r"|Hz|rpm|Nm|Pa|mA|kV|kA|kJ|kN|MN|°C|°F)"
 )
 """Text behind a blank that can be nothing but a unit."""
+_MACHINES = {"drive", "base", "robot", "bot"}
+"""Before these such a word names a kind of machine: a differential drive is no difference."""
 _ACTIVE = {"power", "pwr"}
 """Before these ``act`` is active, not actual."""
 
@@ -173,7 +175,7 @@ def _share(unit: str) -> bool:
 
 def role(said: Sequence[str]) -> str:
     """``command``, ``measured``, ``other`` (a difference, a limit …) or empty."""
-    if not OTHERS.isdisjoint(said):
+    if any(a in OTHERS and b not in _MACHINES for a, b in pairwise([*said, ""])):
         return "other"
     desired = any(a in ("q", "dq", "ddq", "tau") and b == "d" for a, b in pairwise(said))
     if desired or not COMMAND.isdisjoint(said):
