@@ -64,7 +64,7 @@ class SlowWork:
             Doubt(agenda.doubt, agenda.doubted, agenda.doubted_at),
             former(self.work.versions, state, version.number),
             earliest if risen and not agenda.held else 0,
-            state.ring.seen[1].copy(),
+            state.ring.seen[1].copy(), state.ring.stayed.copy(),
         )  # fmt: skip
         self.engine.submit(request, partial(self.work.content, task))
 
