@@ -21,7 +21,7 @@ from evertwin.gauges.output_shift import shifted_output
 from evertwin.gauges.sensor_change import SensorChange
 from evertwin.gauges.stuck import stuck
 from evertwin.gauges.turned import of_an_angle
-from evertwin.ledger.caveats import SAME, SENSOR, caveats_of
+from evertwin.ledger.caveats import SAME, SENSOR, added, caveats_of
 from evertwin.refit.tuner import ENOUGH, Tuner
 from evertwin.setup.setup import Setup
 from evertwin.setup.task import Task
@@ -35,11 +35,15 @@ CONSTANT = 1e-6
 
 def caveats(task: Task, content: dict[str, Any]) -> None:
     """What would look the same as the live version would look the same as one that goes on from it,
-    until another one goes live, or a person names the cause. Writes the reason of a candidate."""
+    until another one goes live, or a person names the cause; what a sensor would be off by for
+    both adds up. Writes the reason of a candidate."""
     found = content.get("candidate")
     if found is None or "brief" in found or task.cause:
         return
     old, new = (caveats_of(reason) for reason in (task.version.reason, found["reason"]))
+    for channel in old.keys() & new.keys():
+        told = added(old[channel], new[channel])
+        found["reason"] = found["reason"].replace(new[channel], told)
     kept = [said for channel, said in old.items() if channel not in new]
     found["reason"] = "; ".join([found["reason"], *kept])
 
