@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -16,12 +17,13 @@ from evertwin.gauges.gauge import misgauged, reread
 from evertwin.gauges.input_alike import alike_inputs
 from evertwin.gauges.late_outputs import late_outputs
 from evertwin.gauges.misread import misread
+from evertwin.gauges.off_in_all import in_all
 from evertwin.gauges.offset import leapt
 from evertwin.gauges.output_shift import shifted_output
 from evertwin.gauges.sensor_change import SensorChange
 from evertwin.gauges.stuck import stuck
 from evertwin.gauges.turned import of_an_angle
-from evertwin.ledger.caveats import SAME, SENSOR, added, caveats_of
+from evertwin.ledger.caveats import SAME, SENSOR, caveats_of
 from evertwin.refit.tuner import ENOUGH, Tuner
 from evertwin.setup.setup import Setup
 from evertwin.setup.task import Task
@@ -35,15 +37,11 @@ CONSTANT = 1e-6
 
 def caveats(task: Task, content: dict[str, Any]) -> None:
     """What would look the same as the live version would look the same as one that goes on from it,
-    until another one goes live, or a person names the cause; what a sensor would be off by for
-    both adds up. Writes the reason of a candidate."""
+    until another one goes live, or a person names the cause. Writes the reason of a candidate."""
     found = content.get("candidate")
     if found is None or "brief" in found or task.cause:
         return
     old, new = (caveats_of(reason) for reason in (task.version.reason, found["reason"]))
-    for channel in old.keys() & new.keys():
-        told = added(old[channel], new[channel])
-        found["reason"] = found["reason"].replace(new[channel], told)
     kept = [said for channel, said in old.items() if channel not in new]
     found["reason"] = "; ".join([found["reason"], *kept])
 
@@ -100,6 +98,10 @@ def of_a_channel(
     if not told and (found := elsewhere(rows) or leapt(rows)):
         return Asked(found)
     change, alike = shifted_output(rows)  # of what no number of the machine explains, too
+    if alike and task.untold is not None:
+        pose = partial(tuner.problem, task.untold, names=tuner.editable(task.untold))
+        whole = replace(rows, pose=pose, given=rows.sizes)
+        alike = in_all(whole, alike, task.version.reason)
     return Asked(change, alike if change else alike + alike_inputs(rows))
 
 

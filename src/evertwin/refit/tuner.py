@@ -171,7 +171,14 @@ class Tuner:
             return self.tune(one)[1]
 
         return Rows(
-            self.setup, pose, task.windows, problem, fit, tune, earlier=task.earlier, seen=task.seen,
+            self.setup,
+            pose,
+            task.windows,
+            problem,
+            fit,
+            tune,
+            earlier=task.earlier,
+            seen=task.seen,
             stayed=task.stayed,
         )
 
