@@ -38,7 +38,7 @@ def _size(rows: Rows, channel: str, *, scaled: bool) -> str:
 
 def _last(rows: Rows, k: int, *, scaled: bool) -> float:
     """What an output is off by at the last row, in SI or as a share, of a machine that stayed as it
-    was: as that goes in a line."""
+    was: before the rows that are tuned a constant, on these as it goes in a line."""
     zero = float(rows.zeros[len(rows.setup.model.inputs) + k])
 
     def left_with(by: Vector) -> Outputs:
@@ -53,7 +53,9 @@ def _last(rows: Rows, k: int, *, scaled: bool) -> float:
         return left
 
     step = SHARE if scaled else 5.0 * float(rows.sizes[k])
-    lines = np.stack([np.ones(rows.count), np.linspace(0.0, 1.0, rows.count)], axis=1)
+    at = np.arange(rows.count) - rows.fitted
+    ramp = np.clip(at / max(rows.count - rows.fitted, 1), 0.0, 1.0)
+    lines = np.stack([at < 0, at >= 0, ramp], axis=1).astype(np.float64)
     by, left = np.zeros(rows.count), rows.before
     slope = (left_with(by + step) - left) / step
     for _ in range(STEPS):
