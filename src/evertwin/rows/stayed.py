@@ -5,8 +5,8 @@ nothing of how long it stays half open.
 
 >>> known = none(1)
 >>> count(known, 0, np.array([[0.0], [0.0], [0.0], [5.0], [7.0], [7.0], [0.0], [0.0]]))
->>> longest(known[0], 0.0, 6), longest(known[0], 7.0, 6), longest(known[0], 7.0, 5)
-(3, 2, 1)
+>>> longest(known[0], 0.0, 6), longest(known[0], 7.0, 6)
+(3, 2)
 """
 
 from __future__ import annotations
