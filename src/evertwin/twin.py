@@ -397,4 +397,4 @@ class Twin(loop.ByHand):
     def keep(self, found: FitResult, reason: str = "found by a fit") -> Version:
         """A new version of what `fit` has found, its terms included; nothing goes live."""
         values = {item.name: item.value for item in found.parameters}
-        return self._ledger.keep(found.form, values, reason)
+        return self._ledger.keep(found.form, values, reason, found.sizes)

@@ -10,6 +10,7 @@ import pytest
 from evertwin import FunctionModel, Layout, RunResult, Twin, TwinSpec
 from evertwin.anomaly.spec import AnomalySpec
 from evertwin.config.spec import ModelSpec, PredictionSpec, Span
+from evertwin.correction.spec import CorrectionSpec
 from evertwin.models import Parameters
 from evertwin.models.translated import translated
 from evertwin.tuning.spec import TuningSpec
@@ -23,11 +24,12 @@ def step(x: Any, u: Any, dt: float, p: Any) -> tuple[Any, Any]:
     return [speed], [speed]
 
 
-def driven(gain: float, *, frozen: bool, held: bool) -> RunResult:
+def driven(gain: float, *, frozen: bool, held: bool, before: float = np.nan) -> RunResult:
     """A belt by steps of current, ``gain`` times as strong from AT on; there the recorded current
-    freezes, or the true one is held."""
+    freezes, or the true one is held. Long ``before`` it was held, too, so far from where it is."""
     rng, x = np.random.default_rng(2), 0.0
     true = np.repeat(rng.uniform(2.0, 9.0, ROWS // 10), 10)
+    true[50:450] = np.where(np.isnan(before), true[50:450], true[AT] + before)
     if held:
         true[AT:] = true[AT]
     y = np.empty(ROWS)
@@ -40,8 +42,8 @@ def driven(gain: float, *, frozen: bool, held: bool) -> RunResult:
     model = translated(FunctionModel(step, Layout.of(i="A"), speed, speed, given))
     spec = TwinSpec(
         "belt", ModelSpec("given"), anomaly=AnomalySpec(requirement=0.05, window=Span(200)),
-        prediction=PredictionSpec(horizon=1.0), tuning=TuningSpec(window=Span(1000)),
-        beat=Span(20),
+        prediction=PredictionSpec(horizon=1.0), tuning=TuningSpec(window=Span(600)),
+        beat=Span(20), correction=CorrectionSpec(window=Span(600)),
     )  # fmt: skip
     with Twin(spec, model) as twin:
         noisy = y + 0.01 * rng.normal(size=ROWS)
@@ -54,6 +56,16 @@ def test_a_current_that_froze_is_named_and_nothing_is_learned() -> None:
     assert told and "i has not changed since row 1501" in told[0].reason
     assert told[0].row < AT + 500 and not result.of_kind("promoted")
     assert "has not changed" in result.headline
+
+
+@pytest.mark.parametrize(("before", "named"), [(0.0, False), (0.5, True)])
+def test_a_current_that_was_held_there_as_long_before_is_not_named(
+    before: float, named: bool
+) -> None:
+    """Though it is so long ago that no kept row tells of it; that it was held elsewhere does not
+    count."""
+    result = driven(1.0, frozen=True, held=False, before=before)
+    assert bool([e for e in result.of_kind("abnormal") if e.signal == "i"]) is named
 
 
 @pytest.mark.parametrize("held", [True, False])

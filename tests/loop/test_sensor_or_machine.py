@@ -50,6 +50,19 @@ def test_the_caveat_of_a_promotion_stays_with_the_versions_after_it(seed: int) -
     assert said in result.headline
 
 
+@first_of("seed", [1, 2])
+def test_what_a_sensor_would_be_off_by_is_told_against_the_first_version(seed: int) -> None:
+    """Not against the second, which has followed the sensor."""
+    data = conveyor(seed, 5.0, 0.0)
+    data["y"][SECOND:] += 3.0
+    with twin() as belt:
+        result = belt.run(data)
+    told = [e.reason for e in result.of_kind("promoted")]
+    sizes = [float(one.split("that is off by ")[1].split(" W")[0]) for one in told]
+    assert np.allclose(sizes, [5.0, 8.0], atol=0.1), told
+    assert f"(since row {STEP})" in told[1] and result.headline.count("would look the same") == 1
+
+
 def test_a_machine_that_no_sensor_looks_like_has_no_caveat() -> None:
     with twin() as belt:
         belt.run(conveyor(3, 0.0, 1.5))

@@ -173,6 +173,56 @@ def test_within_but_suspected_says_both() -> None:
     assert "suspected 1 time (x: )" in text and "nothing better has been found yet" in text
 
 
+def test_what_was_suspected_and_passed_is_no_doubt_any_more() -> None:
+    events = [Event(row, 0, kind, "x", "x is off", {}) for row, kind in
+              ((5, "suspected"), (9, "abnormal"))]  # fmt: skip
+    with Twin(ROBOT) as twin:
+        rows = 3 * twin.setup.enough
+        held = {n: replace(f, held=True) for n, f in figures(0.004, 0.004).items()}
+        passed, off = (
+            headline(twin.setup, some, (twin.champion,), events, None, rows)
+            for some in (held, figures(0.004, 0.004))
+        )
+        recent = [replace(events[0], row=rows - 5)]
+        again = headline(twin.setup, held, (twin.champion,), recent, None, rows)
+        named = [*events, Event(12, 0, "abnormal", "x", "x looks off by 3 mm", {"number": 1.0})]
+        sensor = headline(twin.setup, held, (twin.champion,), named, None, rows)
+    assert passed.startswith("The twin fits its machine, and nothing was changed")
+    assert passed.endswith("It was suspected 1 time, last at row 5, and has held since.")
+    assert "it was suspected 1 time (x: x is off), and nothing better" in off
+    assert "but it was suspected" in again and "x looks off by 3 mm" in sensor
+
+
+def test_a_sensor_that_was_in_error_for_a_while_is_told() -> None:
+    frozen = {"cause": "frozen", "onset": 30, "end": 90}
+    events = [
+        Event(38, 0, "measurement_error", "x", "frozen while the model predicts motion", frozen),
+        Event(91, 0, "measurement_restored", "x", "no longer frozen", frozen),
+    ]
+    short = {**frozen, "onset": 95, "end": 99}
+    more = [replace(one, row=one.row + 60, evidence=short) for one in events]
+    with Twin(ROBOT) as twin:
+        once, twice = (
+            headline(twin.setup, figures(0.004, 0.004), (twin.champion,), some, None)
+            for some in (events, events + more)
+        )
+    said = "from row 30 to 90: frozen while the model predicts motion; nothing was learned from it."
+    assert once.endswith(f"x was in error {said}") and "contradicted" not in once
+    assert twice.endswith(f"x was in error 2 times, longest {said}")
+
+
+def test_a_clear_step_that_was_believed_is_told_whatever_the_rows() -> None:
+    """Among 10,000 rows, and less than predictions were off by once."""
+    with Twin(ROBOT) as twin:
+        one = {"x": replace(figures(0.1, 0.1)["x"], most=0.6)}
+        told = [
+            headline(twin.setup, one, (twin.champion,), [stepped(67, by)], None, 10_000)
+            for by in (0.5, 0.2)
+        ]
+    assert "pose stepped x +50 cm away from the model at row 60 and was believed" in told[0]
+    assert "pose" not in told[1]
+
+
 def test_what_did_not_move_is_not_called_fitting() -> None:
     still = {n: replace(f, judged=float("nan")) for n, f in figures(0.03, 0.03).items()}
     with Twin(ROBOT) as twin:

@@ -53,6 +53,8 @@ class Rows:
     """Rows before all these, of which nothing is asked but how channels usually go."""
     seen: np.ndarray | None = None
     """Lowest and highest value of each input on rows before those, (2, nu)."""
+    stayed: np.ndarray | None = None
+    """How long each input stayed where it was, over all rows (`evertwin.rows.stayed`)."""
     given: Vector | None = None
     """What counts as 1 of each output's residual, (ny,); None: its usual size."""
 

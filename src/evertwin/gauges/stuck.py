@@ -19,6 +19,7 @@ from evertwin.gauges.input_shift import without
 from evertwin.gauges.sensor_change import SensorChange, unmeasured
 from evertwin.models.kernel import CONTINUE
 from evertwin.rows.ring import called
+from evertwin.rows.stayed import longest
 from evertwin.types import Float64, Outputs, Vector
 
 LONGER = 2.0
@@ -56,19 +57,22 @@ def stuck(rows: Rows, *, reached: bool = False) -> SensorChange | None:
     """
     for k, channel in enumerate(rows.setup.model.inputs.channels):
         before = np.concatenate([np.zeros(0), *(one.u[:, k] for one in rows.earlier)])
-        first, longest, still = _since(rows.values[:, k], before)
+        first, most, still = _since(rows.values[:, k], before)
+        if still and rows.stayed is not None:
+            level = float(np.nanmedian(rows.values[first:, k]))
+            most = max(most, longest(rows.stayed[k], level, rows.row(first)))
         count = rows.count - first
-        if not first or count < max(LEAST, longest):
+        if not first or count < max(LEAST, most):
             continue
         goes_on = _goes_on(rows, k, first)
         if not (still and not reached and _moves(rows, first) if goes_on is None else goes_on):
             continue
-        if count < LONGER * longest:
+        if count < LONGER * most:
             raise TooFew(f"{channel.name} stays where it is, for {count} rows yet")
         stays = "changed" if still else "left its noise"
         return SensorChange(channel.name, 0.0, (
             f"{channel.name} has not {stays} since {called(rows.row(first))}, for {count} rows "
-            f"where {longest} were the most before, and the machine goes on as if it had: its "
+            f"where {most} were the most before, and the machine goes on as if it had: its "
             "signal no longer answers; nothing is learned from it"
         ), None, rows.row(first))  # fmt: skip
     return None

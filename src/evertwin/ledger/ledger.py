@@ -21,7 +21,7 @@ from evertwin.ledger.owner import check_owner
 from evertwin.ledger.reconfigured import carried
 from evertwin.ledger.versions import Versions
 from evertwin.machines.friction.resisting import not_physical
-from evertwin.models.form import Form, Version
+from evertwin.models.form import Form, Size, Version
 from evertwin.store import Batch, Entry, Kept, Store
 from evertwin.store.archive import Day
 
@@ -131,7 +131,9 @@ class Ledger:
         found, more = holds
         reason = f"numbers of version {live.number}"
         reason += f", beside new ones: {', '.join(more)}" if more else ""
-        kept = self.versions.add(live.form, found, parent=now.number, reason=reason)
+        kept = self.versions.add(
+            live.form, found, parent=now.number, reason=reason, sizes=live.sizes
+        )
         yield self._switch(kept.number, "promoted", reason, replaced=now.number)
 
     @property
@@ -189,7 +191,9 @@ class Ledger:
             self.commit(Batch(batch))
         self.orders += [e for e in events if e.kind in ORDERS or acts(e)]
 
-    def keep(self, form: Form, values: Mapping[str, float], reason: str) -> Version:
+    def keep(
+        self, form: Form, values: Mapping[str, float], reason: str, sizes: tuple[Size, ...] = ()
+    ) -> Version:
         """A version of what was found outside of any run, its parent the live one; nothing more.
 
         Raises:
@@ -198,7 +202,7 @@ class Ledger:
         if self.reading:
             raise UsageError("the twin is open to look at: a version needs its store")
         self.versions.model_of(form).parameters.with_values(values)
-        version = self.versions.add(form, values, parent=self.champion, reason=reason)
+        version = self.versions.add(form, values, parent=self.champion, reason=reason, sizes=sizes)
         self.say()
         return version
 

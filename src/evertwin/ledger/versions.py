@@ -21,7 +21,7 @@ from dataclasses import replace
 from evertwin.errors import UsageError
 from evertwin.models import Model
 from evertwin.models.corrected import build
-from evertwin.models.form import Form, Version
+from evertwin.models.form import Form, Size, Version
 
 FORMER = 8
 """Versions at most that may come back."""
@@ -49,8 +49,10 @@ class Versions:
         parent: int | None,
         reason: str,
         row: int = 0,
+        sizes: tuple[Size, ...] = (),
     ) -> Version:
-        """A new version of ``form``; values not named are the parent's, or the model's own.
+        """A new version of ``form``; values not named are the parent's, or the model's own;
+        so are ``sizes`` where none are given.
 
         After `rewind`, a version that comes out as before is the one that is kept already.
         """
@@ -61,8 +63,9 @@ class Versions:
         if unknown:
             raise UsageError(f"version: no parameters {sorted(unknown)} in this form")
         filled = [known.get(item.name, item.value) for item in parameters]
+        sizes = sizes or (() if parent is None else self[parent].sizes)
         number = self._known
-        version = Version(number, form, parameters.names, tuple(filled), parent, reason, row)
+        version = Version(number, form, parameters.names, tuple(filled), parent, reason, row, sizes)
         if number == len(self._versions) or self._versions[number] != version:
             version = replace(version, number=len(self._versions))
             self._versions.append(version)

@@ -25,7 +25,7 @@ from evertwin.loop.slow_work import SlowWork
 from evertwin.outcome.changes import spelled
 from evertwin.refit.work import Work
 from evertwin.rows.ring import NO_ROWS
-from evertwin.setup.deviation import new_usual
+from evertwin.setup.deviation import begun_with, new_usual
 from evertwin.setup.scores import new_scores
 from evertwin.setup.setup import Setup
 from evertwin.setup.twin_state import Agenda, Lane, Saved, TwinState
@@ -127,7 +127,8 @@ class Driver:
         setup, outputs = self.setup, self.setup.model.outputs
         scale = setup.spec.prediction.scale
         sizes = np.array([scale.get(name, 1.0) for name in outputs.names])
-        usual = new_usual(outputs.temperatures)
+        known = self.versions[self.champion].sizes
+        usual = begun_with(new_usual(outputs.temperatures), outputs.names, known)
         return TwinState(
             row=0, task=-1, time=0, began=0, elapsed=0,
             live=self.follow.lane(self.champion, tracked=True),

@@ -243,12 +243,13 @@ def figures(setup: Setup, state: TwinState) -> dict[str, OutputFigures]:
     )
     judged = judged_deviation(scores.live_moving, setup.relative, scores.usual)
     judged = np.where(setup.watched & setup.decides, judged, np.nan)
+    held = state.agenda.held and not state.agenda.told
     return {
         channel.name: OutputFigures(
             channel.unit, float(pairs[0][0][k]), float(pairs[0][1][k]), float(pairs[1][0][k]),
             float(pairs[1][1][k]), float(moving[1][0][k]), float(moving[1][1][k]),
             int(scores.live.samples[k]), int(scores.live_moving.samples[k]), float(judged[k]),
-            float(moving[0][0][k]), float(moving[0][1][k]), setup.recorded[k],
+            float(moving[0][0][k]), float(moving[0][1][k]), setup.recorded[k], held=held,
         )
         for k, channel in enumerate(setup.model.outputs)
     }  # fmt: skip

@@ -14,8 +14,10 @@ from functools import partial
 
 from evertwin.engine import Engine
 from evertwin.fold import Answer, Request
+from evertwin.ledger.caveats import caveats_of
 from evertwin.loop.former import former
 from evertwin.loop.in_stream import as_is
+from evertwin.models.form import Version
 from evertwin.refit.answering import undone
 from evertwin.refit.work import Work
 from evertwin.setup.task import Doubt, Task
@@ -64,9 +66,16 @@ class SlowWork:
             Doubt(agenda.doubt, agenda.doubted, agenda.doubted_at),
             former(self.work.versions, state, version.number),
             earliest if risen and not agenda.held else 0,
-            state.ring.seen[1].copy(),
+            state.ring.seen[1].copy(), state.ring.stayed.copy(), self._untold(version),
         )  # fmt: skip
         self.engine.submit(request, partial(self.work.content, task))
+
+    def _untold(self, version: Version) -> Version | None:
+        """The newest before it of which nobody said that a sensor would look the same."""
+        versions, told = self.work.versions, version
+        while caveats_of(told.reason) and told.parent is not None:
+            told = versions[told.parent]
+        return None if told is version else told
 
     def take(self, state: TwinState, *, wait: bool) -> Answer | None:
         """The answer to the state's open request; None if it is not there, and not waited for."""

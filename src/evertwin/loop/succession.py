@@ -101,14 +101,14 @@ def _cleared(decision: Decision, setup: Setup) -> None:
     agenda = decision.state.agenda
     since = max(agenda.since, agenda.doubted_at, decision.state.row - setup.enough)
     clears(decision, f"rows from {called(since)} on refute what was said")
-    decision.remember(accused="", since=since)
+    decision.remember(since=since)
 
 
 def clears(decision: Decision, why: str) -> None:
-    """The channel in doubt is so no longer."""
+    """The channel in doubt is so no longer, and nothing that is learned goes on to say it was."""
     channel = decision.state.agenda.doubt
     decision.say("normal", channel, f"{channel} is in doubt no longer: {why}", {"doubt": channel})
-    decision.remember(doubt="")
+    decision.remember(doubt="", accused="")
 
 
 def driven(setup: Setup, rows: Rows) -> bool:

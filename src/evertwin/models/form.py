@@ -11,10 +11,10 @@ True
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -71,6 +71,29 @@ class Form:
         return cls(tuple(Term.from_json(term) for term in content["terms"]), variant)
 
 
+class Size(NamedTuple):
+    """How large an output was in what a version was learned from.
+
+    >>> Size.from_json(["level", 2, 25.0, 0.0, 0.0, 0.0]).rows
+    2
+    """
+
+    output: str
+    rows: int
+    squares: float
+    """Σ measurement²."""
+    lowest: float
+    highest: float
+    """Of a temperature, whose size is its range; 0 of other outputs."""
+    jumps: float
+    """Σ (change since the row before)²."""
+
+    @classmethod
+    def from_json(cls, content: Sequence[Any]) -> Size:
+        """The size that ``plain(size)`` was made of."""
+        return cls(str(content[0]), int(content[1]), *(float(one) for one in content[2:]))
+
+
 @dataclass(frozen=True)
 class Version:
     """A form with its parameter values: everything the live model is.
@@ -88,6 +111,8 @@ class Version:
     reason: str = ""
     row: int = 0
     """Row at which it became known."""
+    sizes: tuple[Size, ...] = ()
+    """Of outputs, in what it, or a version that it was made from, was fitted to."""
 
     def __repr__(self) -> str:
         told = (f"{name}={value:.6g}" for name, value in zip(self.names, self.values, strict=True))
@@ -116,4 +141,5 @@ class Version:
         return cls(
             int(content["number"]), form, tuple(content["names"]), tuple(content["values"]),
             content["parent"], str(content["reason"]), int(content["row"]),
+            tuple(map(Size.from_json, content.get("sizes", ()))),
         )  # fmt: skip

@@ -8,16 +8,18 @@ from __future__ import annotations
 
 import math
 import re
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
+
+import numpy as np
 
 from evertwin.fold import Event
 from evertwin.gauges.elsewhere import OUTSIDE
 from evertwin.models.failures import Failed
 from evertwin.models.form import Version
 from evertwin.outcome.changes import changes
-from evertwin.outcome.jumps import forgotten, jumps
+from evertwin.outcome.contradicted import contradicted
+from evertwin.outcome.jumps import believed, forgotten, jumps
 from evertwin.outcome.lives import returned, went_back
 from evertwin.outcome.nothing_better import CLEAR, nothing_better, of_a_sensor, two_clocks
 from evertwin.outcome.open_faults import open_faults
@@ -35,8 +37,6 @@ SHORT, FEWER = 30, 10
 each counts once, at its horizon."""
 LOST = 0.5
 """Share of the rows left out from which on this is said first."""
-SELDOM = 0.003
-"""Share of the rows below which single contradictions are a rough model's."""
 OFTEN = 10
 """Contacts in a run from which on it is said that they may be none."""
 NEWEST = 2
@@ -77,14 +77,9 @@ def headline(
         place = len(told) if doubted.startswith(OUTSIDE) else 0
         told.insert(place, f"{doubted[0].upper()}{doubted[1:]}.")
     told += map(_sentence, [one for kind in LATEST for one in _last(events, kind)])
-    doubts = _doubts(events, faults, max(measured, events[-1].row if events else 0))
-    if doubts:
-        most = [f"{signal} ({count}×)" for signal, count in doubts.most_common(FEW)]
-        rest = [f"{len(doubts) - FEW} more"] if len(doubts) > FEW else []
-        told.append(
-            f"Measurement and model contradicted each other at {', '.join(most + rest)}: the "
-            "events say which was believed."
-        )
+    steps = _stepped(setup, outputs, events)[1]
+    told += [said for signal, said in steps.items() if signal not in faults]
+    told += contradicted(events, {**steps, **faults}, _end(events, measured))
     contacts, own = _contacts(events)
     if contacts:
         times = f"{contacts} time{'s' * (contacts > 1)}"
@@ -102,21 +97,31 @@ def wrong(
 ) -> Mapping[str, str]:
     """Signals that stepped away from the model and did not come back, or whose measurement is in
     error, each with the sentence about it."""
+    return {**_stepped(setup, outputs, events)[0], **open_faults(events)}
+
+
+def _stepped(
+    setup: Setup, outputs: Mapping[str, OutputFigures], events: Sequence[Event]
+) -> tuple[Mapping[str, str], Mapping[str, str]]:
+    """Signals that stepped away from the model farther than it ever was off elsewhere; and those
+    that did so by more than it usually is."""
     told_in = zip(setup.model.outputs.units, setup.recorded, strict=True)
     units = dict(zip(setup.model.outputs.names, told_in, strict=True))
     asked = 0.0 if setup.relative or not setup.decides else setup.requirement
-    least = {
-        name: max(asked, ROUGH * f.rms_after, f.most if f.most > 0.0 else 0.0)
+    usual = {
+        name: max(asked, ROUGH * f.rms_after)
         for name, f in outputs.items() if not math.isnan(f.rms_after)
     }  # fmt: skip
+    least = {name: max(size, np.nan_to_num(outputs[name].most)) for name, size in usual.items()}
     # of a channel that is read wrongly, the others step away from the model as well
     late = two_clocks(setup, events) and not setup.spec.correction.terms
-    quiet = setup.static or of_a_sensor(events) or late
-    stepped = {} if quiet else jumps(events, units, least)
+    if setup.static or of_a_sensor(events) or late:
+        return {}, {}
+    stepped = jumps(events, units, least)
     if stepped:  # simulated only where it matters
         gone = forgotten(setup.model, setup.model.parameters.values, setup.horizon)
         stepped = jumps(events, units, least, gone)
-    return {**stepped, **open_faults(events)}
+    return stepped, believed(events, units, usual)
 
 
 def also_pinned(told: str, version: int, *, pinned: bool) -> str:
@@ -163,16 +168,9 @@ def _why_none(measured: int) -> str:
     return "no row has all its inputs, and a measurement that counts (evertwin doctor says why)"
 
 
-def _doubts(events: Sequence[Event], faults: Mapping[str, str], rows: int) -> Counter[str]:
-    """How often a signal and the model contradicted each other: single samples that no other agreed
-    with, and values that were believed, only where they are more than a rough model's."""
-    alike = Counter[str](), Counter[str]()
-    for event in events:
-        if event.kind in ("measurement_error", "overruled") and event.signal not in faults:
-            rough = event.kind == "overruled" or event.evidence.get("cause") == "vote"
-            alike[rough][event.signal] += 1
-    seldom = {signal for signal, count in alike[True].items() if count < SELDOM * rows}
-    return alike[False] + Counter({s: n for s, n in alike[True].items() if s not in seldom})
+def _end(events: Sequence[Event], measured: int) -> int:
+    """Rows that came, as far as is known."""
+    return max(measured, events[-1].row if events else 0)
 
 
 def _sentence(event: Event) -> str:
@@ -252,29 +250,35 @@ def _outcome(
     if math.isfinite(setup.requirement) and all(math.isnan(f.judged) for f in known.values()):
         lead = lead.replace(" while it moves", " at rest")
         return f"Nothing moved, so whether the twin fits cannot be told: {now}{lead}."
-    return _calm(setup, known, (versions[0], events), (now, lead, asked, found))
+    passed = trial is None and all(f.held for f in known.values()) and not of_a_sensor(events)
+    until = _end(events, measured) - NEWEST * setup.enough if passed else -1
+    return _calm(known, (versions[0], events, until), (now, lead, asked, found))
 
 
 def _calm(
-    setup: Setup, known: Mapping[str, OutputFigures], seen: tuple[Version, Sequence[Event]],
+    known: Mapping[str, OutputFigures], seen: tuple[Version, Sequence[Event], int],
     said: tuple[str, str, str, str],
 ) -> str:  # fmt: skip
-    """Of a version that is within what is asked over all rows: ``seen`` are it and the events,
-    ``said`` what it is off by, how far ahead, what is asked, and what was found."""
-    (live, events), (now, lead, asked, found) = seen, said
+    """Of a version that is within what is asked over all rows: ``seen`` are it, the events, and the
+    row until which all that was suspected has passed; ``said`` what it is off by, how far ahead,
+    what is asked, and what was found."""
+    (live, events, until), (now, lead, asked, found) = seen, said
     known_again = [one.row for one in (returned(events),) if one]
     named = max([*known_again, *(e.row for e in events if e.kind == "state")], default=-1)
     kinds = ("suspected", "drift", "abnormal")
     doubts = [e for e in events if e.kind in kinds and e.row > named]
-    if not doubts:
+    suspected = [e for e in doubts if e.kind != "abnormal"]
+    times = f"suspected {len(suspected)} time{'s' * (len(suspected) != 1)}"
+    if not doubts or doubts[-1].row <= until:
         more = "nothing else" if named >= 0 or _last(events, "followed") else "nothing"
         free = [name for name, f in known.items() if math.isnan(f.judged)]
         rest = f" No limit is asked of {', '.join(free)}." if free else ""
         again = " again" if went_back(events, live.number) else f", and {more} was changed"
-        return f"The twin fits its machine{again}: {now}{lead}{asked}.{rest}"
+        rows = [called(e.row) for e in suspected[-1:]]
+        passed = "".join(f" It was {times}, last at {row}, and has held since." for row in rows)
+        return f"The twin fits its machine{again}: {now}{lead}{asked}.{rest}{passed}"
     last = doubts[-1]
-    times = f"{len(doubts)} time{'s' * (len(doubts) > 1)}"
-    why = f"it was suspected {times} ({last.signal or last.kind}: {last.reason}), and "
+    why = f"it was {times} ({last.signal or last.kind}: {last.reason}), and "
     return (
         f"Over all rows the twin is within what is asked: {now}{lead}{asked}; but "
         f"{why if last.reason != found else ''}{found}."
@@ -285,7 +289,7 @@ def _again(setup: Setup, live: Version, events: Sequence[Event], measured: int) 
     """What was suspected of the live version last, near the end of the rows; else nothing."""
     went = [e.row for e in events if e.evidence.get("version") == live.number]
     found = [e for e in events if went and e.kind == "suspected" and e.row > max(went)]
-    if not found or max(measured, events[-1].row) - found[-1].row > NEWEST * setup.enough:
+    if not found or _end(events, measured) - found[-1].row > NEWEST * setup.enough:
         return ""
     times = f"{len(found)} time{'s' * (len(found) > 1)}"
     return f"it was suspected {times} since, last at {called(found[-1].row)} ({found[-1].reason})"

@@ -109,20 +109,45 @@ def jumps(
         gone: share of a jump by which a sensor that is off goes on to contradict the model; None:
             it does not.
     """
+    rule = least or {}, gone or {}
+    told = {signal: _told(signal, some, units, rule) for signal, some in _seldom(events).items()}
+    return {signal: sentence for signal, sentence in told.items() if sentence}
+
+
+def believed(
+    events: Sequence[Event], units: Mapping[str, tuple[str, str]], least: Mapping[str, float]
+) -> Mapping[str, str]:
+    """Signal to a sentence about its largest clear jump by more than ``least``, whose it may be."""
+    told = {}
+    for signal, some in _seldom(events).items():
+        clear = [(event, *_farthest(event)) for event in some]
+        clear = [one for one in clear if one[3] > CLEAR and abs(one[2]) > least.get(one[1], 0.0)]
+        if clear:
+            event, name, delta, _ = max(clear, key=lambda one: one[3])
+            told[signal] = (
+                f"{signal} stepped {_by(signal, name, delta, units)} away from the model at row "
+                f"{event.evidence['onset']} and was believed: the sensor, or the machine."
+            )
+    return told
+
+
+def _seldom(events: Sequence[Event]) -> Mapping[str, Sequence[Event]]:
+    """The jumps of each signal since the live model is; none of one that jumps again and again."""
     found: dict[str, list[Event]] = {}
     for event in events:
         if event.kind == "promoted":  # by what went before another model was overruled
             found.clear()
         if event.kind == "overruled" and event.evidence.get("delta"):
             found.setdefault(event.signal, []).append(event)
-    told = {}
-    for signal, some in found.items():
-        sentence = (
-            _told(signal, some, units, (least or {}, gone or {})) if len(some) < OFTEN else ""
-        )
-        if sentence:
-            told[signal] = sentence
-    return told
+    return {signal: some for signal, some in found.items() if len(some) < OFTEN}
+
+
+def _farthest(event: Event) -> tuple[str, float, float]:
+    """The output that jumped farthest, by how much, and by how many standard deviations."""
+    known: Any = event.evidence
+    sizes = {n: abs(d) / max(known["sigma"].get(n, 0.0), 1e-300) for n, d in known["delta"].items()}
+    name = max(sizes, key=sizes.__getitem__)
+    return name, float(known["delta"][name]), sizes[name]
 
 
 def _told(
@@ -135,11 +160,7 @@ def _told(
     text = ""
     for event in some:
         known: Any = event.evidence
-        sizes = {
-            n: abs(d) / max(known["sigma"].get(n, 0.0), 1e-300) for n, d in known["delta"].items()
-        }
-        name = max(sizes, key=sizes.__getitem__)
-        delta = float(known["delta"][name])
+        name, delta, size = _farthest(event)
         if open_one is not None and name == open_one[1] and _returns(delta, open_one[2]):
             first: Any = open_one[0].evidence
             text = (
@@ -148,7 +169,7 @@ def _told(
                 "that is off; the model followed it meanwhile."
             )
             open_one = None
-        elif sizes[name] > CLEAR and abs(delta) > least.get(name, 0.0):
+        elif size > CLEAR and abs(delta) > least.get(name, 0.0):
             open_one = event, name, delta
     if open_one is not None and (
         abs(open_one[2]) * gone.get(open_one[1], 0.0) <= least.get(open_one[1], 0.0)

@@ -71,6 +71,8 @@ class OutputFigures:
     """The most that a prediction was off by, apart from where measurements overruled it."""
     spell: Spell | None = None
     """Where it is off by more than is asked: the one stretch on which it was, if it fits again."""
+    held: bool = False
+    """Were all outputs within what is asked in the newest window that was judged?"""
 
     @property
     def before(self) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -16,6 +17,7 @@ from evertwin.gauges.gauge import misgauged, reread
 from evertwin.gauges.input_alike import alike_inputs
 from evertwin.gauges.late_outputs import late_outputs
 from evertwin.gauges.misread import misread
+from evertwin.gauges.off_in_all import in_all
 from evertwin.gauges.offset import leapt
 from evertwin.gauges.output_shift import shifted_output
 from evertwin.gauges.sensor_change import SensorChange
@@ -96,6 +98,10 @@ def of_a_channel(
     if not told and (found := elsewhere(rows) or leapt(rows)):
         return Asked(found)
     change, alike = shifted_output(rows)  # of what no number of the machine explains, too
+    if alike and task.untold is not None:
+        pose = partial(tuner.problem, task.untold, names=tuner.editable(task.untold))
+        whole = replace(rows, pose=pose, given=rows.sizes)
+        alike = in_all(whole, alike, task.version.reason)
     return Asked(change, alike if change else alike + alike_inputs(rows))
 
 

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 from evertwin.fold import interval, plain
 from evertwin.models import Parameters
 from evertwin.models.failures import Failed
-from evertwin.models.form import Form
+from evertwin.models.form import Form, Size
 from evertwin.setup.evaluation import Deviation
 from evertwin.signals.spoken import number, percent
 from evertwin.sources.tally import Tally
@@ -127,6 +127,8 @@ class FitResult:
     """Input → rows to learn from that have no value of it; predictions begin anew behind them."""
     doubt: str = ""
     """How a channel looks read wrongly, so that the numbers are none of the machine."""
+    sizes: tuple[Size, ...] = ()
+    """How large outputs were in what was learned from: what a share is a share of, later."""
 
     def to_dict(self) -> dict[str, Json]:
         """Plain content, ``schema: "evertwin.fit/1"``."""

@@ -31,7 +31,14 @@ from evertwin.refit.term_search import Started, check_initials, own_start, with_
 from evertwin.refit.work import Work
 from evertwin.refit.workers import far_of
 from evertwin.rows.feed import Data, Feed
-from evertwin.setup.evaluation import Prediction, as_required, deviations, falls_short, predict
+from evertwin.setup.evaluation import (
+    Prediction,
+    as_required,
+    deviations,
+    falls_short,
+    predict,
+    seen_sizes,
+)
 from evertwin.setup.friction_law import Chosen, acting, climb_laws, inside, joined
 from evertwin.setup.setup import Setup
 from evertwin.setup.task import Windows
@@ -256,7 +263,7 @@ def fit(
         done.feed.left_out, _spoiled(model, done.tasks),
         _held(setup, model, found.p, (own, together), failed if tests else done.screened.failed),
         Failed.together([done.screened.failed, failed]), done.screened.unknown,
-        doubt,
+        doubt, seen_sizes(setup, own),
     )  # fmt: skip
 
 

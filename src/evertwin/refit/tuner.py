@@ -171,7 +171,15 @@ class Tuner:
             return self.tune(replace(one, settings=replace(one.settings, quick=True)))[1]
 
         return Rows(
-            self.setup, pose, task.windows, problem, fit, tune, earlier=task.earlier, seen=task.seen
+            self.setup,
+            pose,
+            task.windows,
+            problem,
+            fit,
+            tune,
+            earlier=task.earlier,
+            seen=task.seen,
+            stayed=task.stayed,
         )
 
     def due(self, version: Version, tunings: int) -> tuple[str, ...]:

@@ -18,8 +18,9 @@ import numpy as np
 
 from evertwin.errors import UsageError
 from evertwin.fold import Block, Mark, take
+from evertwin.rows.stayed import count, handed_on, none
 
-UNSEEN = np.zeros((2, 2, 0))
+UNSEEN, UNMOVED = np.zeros((2, 2, 0)), none(0)
 
 
 class Rows(NamedTuple):
@@ -45,6 +46,8 @@ class Rows(NamedTuple):
     seen: np.ndarray = UNSEEN
     """Lowest and highest value of each input on rows that are kept no longer, since the live
     version went live, now and when work was asked for last, (2, 2, nu)."""
+    stayed: np.ndarray = UNMOVED
+    """How long each input stayed where it was, over all rows (`evertwin.rows.stayed`)."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +72,7 @@ class Ring:
         return Rows(
             0, np.zeros(n, np.int64), np.zeros(n), np.zeros((n, self.nu)), np.zeros((n, self.ny)),
             np.zeros((n, self.nu + self.ny), np.uint8), np.zeros(n, np.int64),
-            np.zeros(n, np.bool_), np.zeros(n, np.bool_), 0, self.unseen(),
+            np.zeros(n, np.bool_), np.zeros(n, np.bool_), 0, self.unseen(), none(self.nu),
         )  # fmt: skip
 
     def unseen(self) -> np.ndarray:
@@ -81,13 +84,14 @@ class Ring:
         n, capacity = len(block.t), self.capacity
         source = max(0, n - capacity)
         self._forget(rows, block, source)
+        count(rows.stayed, block.row, block.u)
         while source < n:
             place = (block.row + source) % capacity
-            count = min(n - source, capacity - place)
+            stop = min(place + n - source, capacity)
             for ring, new in zip(rows[1:8], block[1:], strict=True):
-                ring[place : place + count] = new[source : source + count]
-            rows.out[place : place + count] = False
-            source += count
+                ring[place:stop] = new[source : source + stop - place]
+            rows.out[place:stop] = False
+            source += stop - place
         return rows._replace(end=block.row + n)
 
     def _forget(self, rows: Rows, block: Block, skipped: int) -> None:
@@ -117,7 +121,7 @@ class Ring:
                 numbers % size
             ]
         kept.task[:] -= kept.task[-1] + 1
-        kept.seen[:] = rows.seen
+        kept.seen[:], kept.stayed[:] = rows.seen, handed_on(rows.stayed, rows.end)
         return kept
 
     def leave_out(self, rows: Rows, first: int, last: int) -> int:

@@ -7,13 +7,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from evertwin.compiled.functions import njit
+from evertwin.models.form import Size
 from evertwin.signals.sizes import STOOD
-from evertwin.types import Bool, Vector
+from evertwin.types import Bool, Outputs, Vector
 
 
 class Sums(NamedTuple):
@@ -63,6 +65,39 @@ def new_usual(temperatures: Bool[np.ndarray, " ny"]) -> Usual:
     none, unknown = np.zeros(len(temperatures)), np.full(len(temperatures), np.nan)
     far = np.where(temperatures, np.inf, np.nan)
     return Usual(none, none.astype(np.int64), far, -far, unknown, none.copy(), none.copy())
+
+
+def usual_of(measured: Outputs, temperatures: Bool[np.ndarray, " ny"]) -> Usual:
+    """The same of these measurements, (n, ny); NaN where one does not count.
+
+    >>> usual_of(np.array([[3.0], [np.nan], [4.0]]), np.array([False])).measured.tolist()
+    [25.0]
+    """
+    none, known = new_usual(temperatures), ~np.isnan(measured)
+    lowest = np.where(known, measured, np.inf).min(axis=0, initial=np.inf)
+    highest = np.where(known, measured, -np.inf).max(axis=0, initial=-np.inf)
+    return none._replace(
+        measured=np.nansum(np.square(measured), axis=0), samples=known.sum(axis=0),
+        lowest=np.where(temperatures, lowest, np.nan),
+        highest=np.where(temperatures, highest, np.nan),
+        jumps=np.where(temperatures, np.nansum(np.square(np.diff(measured, axis=0)), axis=0), 0.0),
+    )  # fmt: skip
+
+
+def begun_with(usual: Usual, names: Sequence[str], sizes: Sequence[Size]) -> Usual:
+    """With what outputs of these ``names`` were, where it is known. Consumes ``usual``.
+
+    A machine that stands when a run begins is not off by the noise of its sensors, by what is
+    hardly more than that noise.
+    """
+    for size in sizes:
+        if size.output in names:
+            k = names.index(size.output)
+            usual.measured[k], usual.samples[k] = size.squares, size.rows
+            if not np.isnan(usual.lowest[k]):
+                usual.lowest[k], usual.highest[k] = size.lowest, size.highest
+                usual.jumps[k] = size.jumps
+    return usual
 
 
 @njit(cache=True)

@@ -15,6 +15,8 @@ import numpy as np
 from evertwin.fold import Block
 from evertwin.models import Model, Restart, observed, remembers
 from evertwin.models.batch import Batch, mapped
+from evertwin.models.form import Size
+from evertwin.setup.deviation import usual_of
 from evertwin.setup.setup import Setup
 from evertwin.signals.sizes import size
 from evertwin.signals.spoken import in_recorded
@@ -137,6 +139,21 @@ def deviations(setup: Setup, predictions: Sequence[Prediction]) -> tuple[Deviati
 
 def _rms(values: Vector) -> float:
     return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
+
+
+def seen_sizes(setup: Setup, predictions: Sequence[Prediction]) -> tuple[Size, ...]:
+    """How large outputs were on the rows of these windows that count as those of a run do."""
+    found = []
+    for one in predictions:
+        ahead = setup.horizon / float(np.median(one.window.dt)) if setup.at_horizon.wanted else 1.0
+        found.append(np.where(one.moving, one.measured, np.nan)[:: max(round(ahead), 1)])
+    usual, outputs = usual_of(np.concatenate(found), setup.model.outputs.temperatures), []
+    for k, name in enumerate(setup.model.outputs.names):
+        low, high = np.nan_to_num([usual.lowest[k], usual.highest[k]]).tolist()
+        if usual.samples[k]:
+            squares, jumps = float(usual.measured[k]), float(usual.jumps[k])
+            outputs.append(Size(name, int(usual.samples[k]), squares, low, high, jumps))
+    return tuple(outputs)
 
 
 def at_ends(problem: Problem, values: np.ndarray) -> list[float]:

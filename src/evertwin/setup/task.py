@@ -32,7 +32,8 @@ class Task(NamedTuple):
 
     >>> Task._fields
     ('kind', 'version', 'windows', 'tunings', 'held', 'waits', 'rival', 'commissioned',
-    'cause', 'earlier', 'replaced', 'doubt', 'former', 'rose', 'seen')
+    'cause', 'earlier', 'replaced', 'doubt', 'former', 'rose', 'seen', 'stayed',
+    'untold')
     """
 
     kind: str
@@ -65,3 +66,8 @@ class Task(NamedTuple):
     """Row from which on it may be another machine; 0: from any on."""
     seen: np.ndarray | None = None
     """Lowest and highest value of each input on rows before all these that the version ran on."""
+    stayed: np.ndarray | None = None
+    """How long each input stayed where it was, over all rows (`evertwin.rows.stayed`)."""
+    untold: Version | None = None
+    """The newest before the version of which it was not said that a sensor would look the same;
+    None: the version itself."""
