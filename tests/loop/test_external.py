@@ -176,6 +176,19 @@ def test_a_speed_that_no_longer_answers_may_scatter(seed: int) -> None:
     assert not set(kinds(said)) & {"external", "tuned", "promoted"}
 
 
+@pytest.mark.parametrize("seed", range(3, 9))
+def test_a_machine_that_goes_slowly_is_no_sensor(seed: int) -> None:
+    """Slower than what counts as moving, at any share of that and noise: friction turns with it."""
+    block, rng = rows(seed=seed), np.random.default_rng(seed)
+    u, y = block.u.copy(), block.y.copy()
+    slow = slice(2000, 3500)
+    u[slow] *= rng.uniform(0.01, 0.09)
+    u[:, 0] += rng.normal(0.0, 10 ** rng.uniform(-5.0, -3.5), len(u))
+    y[slow, 0] = TRUTH["Fc"] * np.sign(block.u[slow, 0]) + rng.normal(0.0, 0.5, 1500)
+    said = folded(AXIS, block._replace(u=u, y=y), 500)[1]
+    assert not any("its sensor" in one for one in said)
+
+
 def test_a_speed_that_answers_again_is_judged_again() -> None:
     block, rng = rows(seed=3, wear=8.0), np.random.default_rng(3)
     u = block.u.copy()
