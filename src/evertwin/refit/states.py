@@ -90,9 +90,8 @@ class States:
     def known(self, name: str, windows: Windows, *, gone: bool = False) -> Stated | None:
         """A state with its numbers by these rows; None: they do not tell that it is another."""
         rule, names = self.setup.spec.tuning.states[name], self.setup.causes[name]
-        row, rest = windows[0].row, np.array(list(rests(self.setup, name).values()))
-        part = while_there(lambda rows: self.pose(names, rows), windows, rest, self._off)
-        problem, fit, share = part
+        row, rest = windows[0].row, rests(self.setup, name)
+        problem, fit, share = while_there(lambda w: self.pose(names, w), windows, rest, self._off)
         if gone:
             before = amount(self.setup, name, self.version)
             said = f"{rule.over} at {called(row)}{_at(windows)}, after {before}"

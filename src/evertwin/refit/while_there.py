@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -39,19 +39,21 @@ class Part(NamedTuple):
 
 
 def while_there(
-    pose: Callable[[Windows], Problem], windows: Windows, rest: Vector, off: Off
+    pose: Callable[[Windows], Problem], windows: Windows, rest: Mapping[str, float], off: Off
 ) -> Part:
     """The state by the rows on which it was there.
 
     Args:
         pose: the problem of tuning its numbers on some rows.
         windows: rows of the machine with it, or with and without it in turn.
-        rest: its numbers where it is not there, (k,).
+        rest: its numbers where it is not there.
         off: how far each row is off.
     """
     whole = pose(windows)
     fit = solve(whole)
-    apart, counts = off(whole, rest), whole.rows.used.any(axis=1)
+    start = zip(whole.names, whole.start.tolist(), strict=True)
+    resting = np.array([rest.get(name, value) for name, value in start])
+    apart, counts = off(whole, resting), whole.rows.used.any(axis=1)
     piece = np.cumsum(np.nan_to_num(whole.rows.dt)) // PIECE
     piece = np.unique(piece, return_inverse=True)[1]
     without, rows = np.bincount(piece, apart), np.bincount(piece, counts)
