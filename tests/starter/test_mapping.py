@@ -195,7 +195,9 @@ def test_bodies_of_an_arm_stay_once_they_are_known(
 def test_an_arm_of_other_joints_is_not_taken_for_the_built_in_one(
     written: Written, tmp_path: Path, count: int
 ) -> None:
-    told = {"t": T} | {f"{what}{j + 1}": motion(j)[0] for what in ("q", "tau") for j in range(count)}
+    told = {"t": T} | {
+        f"{what}{j + 1}": motion(j)[0] for what in ("q", "tau") for j in range(count)
+    }
     with pytest.raises(UsageError, match=f"of {count} joints, .* --urdf FILE"):
         write_starter([written(told)], tmp_path / "new.toml", ("arm", None), False, False)
     assert not (tmp_path / "new.toml").exists()
