@@ -69,8 +69,8 @@ def write_starter(
         if one.exists() and not force:
             raise UsageError(f"{one}: exists already: choose another name, or say --force")
     drafts = [_draft(one, (kind, urdf), part) for one, (_, part) in zip(outs, axes, strict=True)]
-    for one in drafts if kind == "arm" and urdf is None else ():
-        if reason := needs_description(one.seen, one.proposal.missing):
+    for draft in drafts if kind == "arm" and urdf is None else ():
+        if reason := needs_description(draft.seen, draft.proposal.missing):
             raise UsageError(f"{files[0]}: {reason}")
     contents = [_write(draft, force) for draft in drafts]
     content = contents[0] | ({"axes": contents} if len(contents) > 1 else {})

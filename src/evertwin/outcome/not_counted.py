@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -40,7 +40,8 @@ def _told(result: RunResult, row: Int64[np.ndarray, " n"]) -> Bools:
     long as rows are marked."""
     told = np.zeros(len(row), dtype=np.bool_)
     for event in result.of_kind("external"):
-        first, last = event.evidence["first"], event.evidence["last"]
+        found: Any = event.evidence
+        first, last = found["first"], found["last"]
         if last < 0:  # it ends where rows are no longer marked
             marked = (result.trace["mark"][-len(row) :] == Mark.EXTERNAL).any(axis=1)
             calm = row[(row > event.row) & ~marked]

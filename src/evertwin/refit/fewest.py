@@ -87,7 +87,7 @@ def _of_what_changed(setup: Setup, problem: Problem, fit: Fit, tune: Tune) -> tu
     slack = max(setup.enough / len(start), 1.0)  # few rows tell less of how far off an output is
     limit = slack * np.square(setup.requirement * setup.sizes(problem.rows.y))
     changed = _mean_square(start) > limit
-    acts = problem.sensitivity(fit.values).acts[changed].any(axis=0)
+    acts = np.asarray(problem.sensitivity(fit.values).acts[changed].any(axis=0))
     if not acts.any() or acts.all():
         return problem, fit
     kept = tuple(name for name, on in zip(problem.names, acts, strict=True) if on)

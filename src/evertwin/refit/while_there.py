@@ -54,8 +54,8 @@ def while_there(
     start = zip(whole.names, whole.start.tolist(), strict=True)
     resting = np.array([rest.get(name, value) for name, value in start])
     apart, counts = off(whole, resting), whole.rows.used.any(axis=1)
-    piece = np.cumsum(np.nan_to_num(whole.rows.dt)) // PIECE
-    piece = np.unique(piece, return_inverse=True)[1]
+    passed = np.cumsum(np.nan_to_num(whole.rows.dt))
+    piece = np.unique(passed // PIECE, return_inverse=True)[1]
     without, rows = np.bincount(piece, apart), np.bincount(piece, counts)
     one, found = off(whole, fit.values), fit
     with_it = np.bincount(piece, one) < without
