@@ -77,6 +77,33 @@ def test_a_contact_is_told_at_the_next_beat_and_nothing_is_learned_from_it() -> 
     assert f"rows left out of force: {len(marked)} pushed from outside" in result.text()
 
 
+def test_rows_in_doubt_are_not_called_pushed() -> None:
+    with Twin(AXIS) as twin:
+        result = twin.run((rows(contact=30.0),))
+    untold = replace(result, events=tuple(e for e in result.events if e.kind != "external"))
+    pushed = f"{np.count_nonzero(result.trace['mark'] == Mark.EXTERNAL)} pushed from outside"
+    assert pushed in result.text() and "in doubt" not in result.text()
+    assert "pushed from outside" not in untold.text()
+    assert pushed.replace("pushed from outside", "in doubt (a push, or the model)") in untold.text()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_errors_that_grow_with_what_is_expected_are_no_contacts(seed: int) -> None:
+    """Strokes ever faster, of a model that is off by a share of what it says."""
+    rng = np.random.default_rng(seed)
+    n = 6000
+    t = np.arange(n) / 100.0
+    size = np.where(t % 20.0 < 15.0, 0.05, rng.uniform(0.3, 0.6))
+    v, a = size * np.sin(1.5 * t), 1.5 * size * np.cos(1.5 * t)
+    model = model_of(AXIS)
+    u = np.stack([v, a], axis=1)
+    clean = model.simulate(np.zeros(0), u, np.full(n, 0.01), model.parameters.values)[1]
+    y = clean + rng.normal(0.0, 0.5, clean.shape)
+    y[:, 0] += 0.06 * np.abs(clean[:, 0]) * (1 + np.sin(7.0 * t + rng.uniform(0, 6)))
+    said = folded(AXIS, make_block(np.arange(n) * 10**7, u, y), 500)[1]
+    assert "external" not in kinds(said)
+
+
 def test_a_fit_says_how_many_rows_it_leaves_out() -> None:
     block = rows()
     block.y[1200:1207] = 1e9
@@ -174,6 +201,19 @@ def test_a_speed_that_no_longer_answers_may_scatter(seed: int) -> None:
     told = [one for one in said if '"kind":"abnormal"' in one and '"signal":"speed"' in one]
     assert len(told) == 1 and "speed has not moved since row " in told[0]
     assert not set(kinds(said)) & {"external", "tuned", "promoted"}
+
+
+@pytest.mark.parametrize("seed", range(3, 9))
+def test_a_machine_that_goes_slowly_is_no_sensor(seed: int) -> None:
+    """Slower than what counts as moving, at any share of that and noise: friction turns with it."""
+    block, rng = rows(seed=seed), np.random.default_rng(seed)
+    u, y = block.u.copy(), block.y.copy()
+    slow = slice(2000, 3500)
+    u[slow] *= rng.uniform(0.01, 0.09)
+    u[:, 0] += rng.normal(0.0, 10 ** rng.uniform(-5.0, -3.5), len(u))
+    y[slow, 0] = TRUTH["Fc"] * np.sign(block.u[slow, 0]) + rng.normal(0.0, 0.5, 1500)
+    said = folded(AXIS, block._replace(u=u, y=y), 500)[1]
+    assert not any("its sensor" in one for one in said)
 
 
 def test_a_speed_that_answers_again_is_judged_again() -> None:

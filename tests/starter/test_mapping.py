@@ -11,9 +11,11 @@ import pytest
 
 from evertwin.app.starting import write_starter
 from evertwin.config import read
+from evertwin.errors import UsageError
 from evertwin.machines.catalog import machine
 from evertwin.refit.workers import setup_of
 from evertwin.starter import Proposal, look, mapped
+from evertwin.starter.payload import acting
 
 T = np.arange(0.0, 20.0, 0.01)
 JOINTS = 6
@@ -189,6 +191,28 @@ def test_bodies_of_an_arm_stay_once_they_are_known(
     assert names == {name for name in known if "." in name or name.startswith("Ia")}
 
 
+@pytest.mark.parametrize("count", [4, 5, 7])
+def test_an_arm_of_other_joints_is_not_taken_for_the_built_in_one(
+    written: Written, tmp_path: Path, count: int
+) -> None:
+    told = {"t": T} | {
+        f"{what}{j + 1}": motion(j)[0] for what in ("q", "tau") for j in range(count)
+    }
+    with pytest.raises(UsageError, match=f"of {count} joints, .* --urdf FILE"):
+        write_starter([written(told)], tmp_path / "new.toml", ("arm", None), False, False)
+    assert not (tmp_path / "new.toml").exists()
+
+
+def test_what_stands_in_for_a_description_is_said(
+    written: Written, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = written(arm(lambda what, j: f"{what}{j + 1}"))
+    write_starter([table], tmp_path / "new.toml", ("arm", None), force=False, as_json=False)
+    said = "bodies of ur5_like, as no description was given: give the arm's own, --urdf FILE"
+    assert said in capsys.readouterr().out
+    assert f"# {said}" in (tmp_path / "new.toml").read_text()
+
+
 SCARA = [
     {
         "name": "shoulder",
@@ -214,6 +238,31 @@ SCARA = [
         "inertia": [0.005, 0.005, 0.001],
     },
 ]
+
+
+WRIST = {"name": "wrist", "mass": 0.5, "com": [0, 0, -0.02], "inertia": [1e-3, 1e-3, 1e-3]}
+FOUR = [*SCARA, WRIST]
+
+
+def test_of_a_load_only_numbers_that_act_are_proposed() -> None:
+    """What is carried along an axis that stays upright moves no motor of a SCARA."""
+    scara = machine("arm", {"dh": FOUR, "convention": "standard", "payload": True})
+    assert acting(scara) == ("m", "mx", "my")
+    six = machine("arm", {"urdf": "ur5_like", "payload": True, "base": True})
+    assert acting(six) == ("m", "mx", "my", "mz")
+
+
+@pytest.mark.parametrize("slide", ["Z", "Q", "lift"])
+def test_a_slide_among_numbered_joints_is_one_of_them(written: Written, slide: str) -> None:
+    """Not position, velocity, acceleration and current of the first joint for its four joints."""
+    joints, told = ("J1", "J2", slide, "J4"), {"t": T}
+    for k, what in enumerate(("Position", "Velocity", "Acceleration", "Current")):
+        told |= {f"{joint} {what}": motion(j)[min(k, 2)] for j, joint in enumerate(joints)}
+    found = mapped(machine("arm", {"dh": FOUR, "convention": "standard"}), look([written(told)])[0])
+    known = {match.channel: match.column for match in found.matches}
+    for channel, what in {"q": "Position", "qd": "Velocity", "tau": "Current"}.items():
+        own = [known[f"{channel}{j + 1}"] for j in range(4)]
+        assert own == [f"{joint} {what}" for joint in joints]
 
 
 @pytest.mark.parametrize(

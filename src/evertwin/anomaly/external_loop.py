@@ -115,8 +115,8 @@ def moved(row: int, moves: bool, v: float, half: float, k: int, n: int, state: A
 
 
 @njit(cache=True)
-def limit_of(number: Any, figure: Any, times: float, rule: Any) -> float:
-    """How far off an output may be; infinite where that is not known."""
+def limit_of(e: float, number: Any, figure: Any, times: float, rule: Any) -> float:
+    """How far off an output may be of which ``e`` is expected; infinite where that is not known."""
     form, hold = np.sqrt(figure[SLOW]), figure[HOLD]
     scale = max(times * np.sqrt(figure[SQUARE]), SMOOTH * form)
     known = number[SEEN] >= rule[1]
@@ -124,6 +124,8 @@ def limit_of(number: Any, figure: Any, times: float, rule: Any) -> float:
     if alike > FAR * expected or expected > FAR * alike:
         return float(np.inf)
     if number[SORT] != 0:
+        if e * e > expected > 0.0:  # errors of a model, of a scale, grow with what it says
+            scale *= np.sqrt(e * e / expected)
         return float(scale if known else np.inf)
     rests = number[WAY] == 0 and number[RUN] >= rule[3]
     if hold <= SURELY * figure[NOISE] or hold < form or not (known or rests):
@@ -260,7 +262,7 @@ def watch(
             if moving[i, k]:
                 weigh(x, expected[i, k], number, figure, rule)
             moved(row + i, moving[i, k], v[i, k], half[i, k], k, n, state)
-            limit = limit_of(number, figure, times, rule)
+            limit = limit_of(expected[i, k], number, figure, times, rule)
             if not moving[i, k] and machine[BLIND] >= 0:  # below: it was said
                 machine[BLIND] = max(machine[BLIND] + (1 if limit == np.inf else -1), 0)
             side, base = 0, figure[BASE] if number[SORT] != 0 else 0.0

@@ -31,6 +31,7 @@ from evertwin.starter import (
     kind_of,
     look,
     mapped,
+    needs_description,
     of_namespace,
     of_one_machine,
     options_of,
@@ -76,6 +77,9 @@ def write_starter(
         for note in info.notes:
             where = "" if len(files) == 1 else f"{info.file}: "
             typer.echo(f"evertwin: {where}{note}", err=True)
+    for draft in drafts if kind == "arm" and urdf is None else ():
+        if reason := needs_description(draft.seen, draft.proposal.missing):
+            raise UsageError(f"{files[0]}: {reason}")
     contents = [_write(draft, force) for draft in drafts]
     content = contents[0] | ({"axes": contents} if len(contents) > 1 else {})
     show(content, "\n".join(draft.summary() for draft in drafts), as_json)

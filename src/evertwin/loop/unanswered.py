@@ -2,8 +2,9 @@
 
 An output that goes by how its machine moves varies as if it moved, by what nothing else explains,
 while the position or speed by which that is known has not changed in the least: its sensor no
-longer answers, or the machine is held. At rest outputs hardly vary but by what else moves, so a
-machine may stand for as long as it likes.
+longer answers, or the machine is held. A sensor that scatters does not change where all of it is
+noise; one that goes anywhere, however slowly, answers. At rest outputs hardly vary but by what else
+moves, so a machine may stand for as long as it likes.
 """
 
 from __future__ import annotations
@@ -21,7 +22,8 @@ from evertwin.rows.alignment import reach
 from evertwin.rows.channels import measured
 from evertwin.rows.ring import Rows, called
 from evertwin.setup.setup import Setup
-from evertwin.types import Bools, Outputs, Vector
+from evertwin.signals import wrap
+from evertwin.types import Bools, Inputs, Outputs, Vector
 
 LEAST = 30
 """Rows that tell how much an output usually varies."""
@@ -33,6 +35,12 @@ NOISE = 3.0
 MUCH, LONGER = 0.5, 2.0
 """The same [of when it moves], and rows for which it stands [of the most before], where a channel
 scatters."""
+PIECE, FAR = 10, 6.0
+"""Rows of which the median tells where a channel is, and how far from where it is at most all are
+that only scatter [of what a median scatters by]."""
+APART = 3
+"""Rows from one to another by which is told how much a channel scatters: neighbours may be of one
+reading."""
 SCATTERS = 2
 """A channel is known not to answer, though it does not stay what it is."""
 
@@ -140,11 +148,8 @@ def _driven(
     (columns, count, least), kept = asked, _kept(rows)
     now, u, y = np.arange(len(kept)) >= len(kept) - count, rows.u[kept], rows.y[kept]
     moving, by, found = setup.moving(u), setup.judged_by[0], list[str]()
-    # where the position beside a speed stands as well, it is the machine that does
-    for place, speed, _ in setup.kinematics.columns:
-        went, usual = (_spread(u[some, place]) for some in (now, ~now & moving.any(axis=1)))
-        if speed in columns and place not in columns and went < DRIVEN * usual:
-            return []
+    if not _only_scatters(u[now, columns[0]]) or _as_slow(setup, u[now], columns):
+        return []
     at_rest = u.copy()
     if least == MUCH:  # friction at rest is not what the sign of a speed says that scatters
         at_rest[:, by] = np.where(moving, u[:, by], 0.0)
@@ -161,6 +166,38 @@ def _driven(
         if here > max(least * usual, NOISE * noise) and not here <= NOISE * rest:
             found.append(name)
     return found
+
+
+def _only_scatters(values: Vector) -> bool:
+    """Is a channel, (rows,), where it was on all rows, but for its noise and one step?"""
+    known = values[np.isfinite(values)]
+    changes = np.abs(np.diff(known))
+    if not changes.any():
+        return True
+    noise = _spread(known[APART:] - known[:-APART]) / (1.349 * np.sqrt(2.0))
+    places = _places(known)
+    limit = FAR * 1.25 * noise / np.sqrt(PIECE) + changes[changes > 0.0].min()
+    return bool(np.abs(places - np.median(places)).max(initial=0.0) <= limit)
+
+
+def _as_slow(setup: Setup, u: Inputs, columns: tuple[int, ...]) -> bool:
+    """Is there a position beside the speed of a channel by which the machine, on rows ``u``, went
+    nowhere faster than what stands may go?"""
+    judged = np.isin(setup.judged_by[0], columns) & ~setup.judged_by[1]
+    for place, speed, angle in setup.kinematics.columns:
+        if speed not in columns or place in columns:
+            continue
+        went = wrap(np.diff(_places(u[:, place]))[:, None], np.array([bool(angle)]))
+        there = np.repeat(u[:1], len(went), axis=0)
+        there[:, speed] = went[:, 0] * setup.kinematics.rate / PIECE
+        return not setup.moving(there)[:, judged].any()
+    return False
+
+
+def _places(values: Vector) -> np.ndarray:
+    """Medians of a channel, (rows,), piece by piece."""
+    count = len(values) // PIECE
+    return np.asarray(np.median(values[: count * PIECE].reshape(count, PIECE), axis=1))
 
 
 def _stood(still: Bools, rows: int) -> Bools:

@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from evertwin.errors import MissingExtra
-from evertwin.fold import Event, Mark, interval, plain
+from evertwin.fold import Event, interval, plain
 from evertwin.models import Model, Parameters
 from evertwin.models.failures import Failed
 from evertwin.models.form import Form, Version
+from evertwin.outcome.not_counted import uncounted
 from evertwin.outcome.open_trial import OpenTrial, shorter
 from evertwin.outcome.shell import Shell
 from evertwin.outcome.spells import Spell
@@ -38,8 +39,6 @@ DECISIONS = (
 """Kinds of event that a person reads first."""
 DATED = 3 * 10**17
 """Stamps beyond this [ns] are dates: of a clock that began in 1970, since 1979."""
-SPOILED = {Mark.ERROR: "in error", Mark.EXTERNAL: "pushed from outside"}
-"""Why rows that were measured count for nothing."""
 MOST = 12
 """Of them, the newest that are shown at once."""
 
@@ -302,7 +301,7 @@ class RunResult:
         if before or after:
             text.append(f"  position updates {before} -> {after}")
         text += [] if self.trial is None else [f"  {self.trial}"]
-        text += self._spoiled()
+        text += uncounted(self)
         text += [f"  {tally}" for tally in self.left_out]
         decisions = self.of_kind(*DECISIONS)
         text += map(self._event, summed_up(self.events if every else decisions[-MOST:]))
@@ -314,23 +313,6 @@ class RunResult:
             f"{', pinned' * self.pinned} ({shorter(self.champion.reason)})"
         )
         return "\n".join(text)
-
-    def _spoiled(self) -> list[str]:
-        """Which outputs have rows that the figures are not of, how many and why."""
-        row = self.trace.get("row", np.empty(0))
-        if not len(row):
-            return []
-        mark = self.trace["mark"][row >= self.unseen_since]
-        found = dict[str, list[str]]()
-        for name, own in zip(self.outputs, mark.T, strict=True):
-            counts = {
-                why: self.every * np.count_nonzero(own == kind) for kind, why in SPOILED.items()
-            }
-            said = ", ".join(f"{count} {why}" for why, count in counts.items() if count)
-            found.setdefault(said, []).append(name)
-        return [
-            f"  rows left out of {', '.join(who)}: {said}" for said, who in found.items() if said
-        ]
 
     def _event(self, some: Several) -> str:
         event, said = some.first, some.first.reason

@@ -19,6 +19,7 @@ from evertwin.setup.evaluation import falls_short
 from evertwin.setup.setup import Setup
 from evertwin.tuning import Fit, Problem
 from evertwin.tuning.recordings import beginning
+from evertwin.types import Outputs, PerOutput
 
 Tune: TypeAlias = Callable[[Problem], tuple[Problem, Fit, dict[str, Any]]]
 MANY = 4
@@ -44,8 +45,8 @@ def fewest(setup: Setup, problem: Problem, fit: Fit, tune: Tune) -> tuple[Proble
     if not (1 < len(names) <= MANY and fit.converged):
         return problem, fit
     used, start = problem.rows.used, residual(problem, problem.start)
-    size = np.sqrt(np.nanmean(np.square(start), axis=0))
-    size = np.where(np.isfinite(size) & (size > 0.0), size, 1.0)
+    size = np.sqrt(_mean_square(start))
+    size = np.where(size > 0.0, size, 1.0)
 
     def off(one: Problem, values: np.ndarray) -> float:
         left = np.where(used, one.residuals(values), np.nan) / size
@@ -85,13 +86,19 @@ def _of_what_changed(setup: Setup, problem: Problem, fit: Fit, tune: Tune) -> tu
     start = np.where(problem.rows.used, residual(problem, problem.start), np.nan)
     slack = max(setup.enough / len(start), 1.0)  # few rows tell less of how far off an output is
     limit = slack * np.square(setup.requirement * setup.sizes(problem.rows.y))
-    changed = np.nanmean(np.square(start), axis=0) > limit
-    acts = problem.sensitivity(fit.values).acts[changed].any(axis=0)
+    changed = _mean_square(start) > limit
+    acts = np.asarray(problem.sensitivity(fit.values).acts[changed].any(axis=0))
     if not acts.any() or acts.all():
         return problem, fit
     kept = tuple(name for name, on in zip(problem.names, acts, strict=True) if on)
     posed, found, _ = tune(problem.tuning(kept))
     return (posed, found) if found.converged else (problem, fit)
+
+
+def _mean_square(off: Outputs) -> PerOutput:
+    """Of the rows that count of each output; 0: none does."""
+    count = np.isfinite(off).sum(axis=0)
+    return np.asarray(np.nansum(np.square(off), axis=0) / np.maximum(count, 1))
 
 
 def _moved(problem: Problem, fit: Fit, name: str) -> float:

@@ -19,6 +19,7 @@ from evertwin.anomaly.verdict import Rule
 from evertwin.fold import Block, Mark
 from evertwin.gauges.change import split
 from evertwin.models.form import Version
+from evertwin.refit.while_there import while_there
 from evertwin.rows.ring import called
 from evertwin.setup.setup import Setup
 from evertwin.tuning import Fit, Problem, solve
@@ -89,8 +90,8 @@ class States:
     def known(self, name: str, windows: Windows, *, gone: bool = False) -> Stated | None:
         """A state with its numbers by these rows; None: they do not tell that it is another."""
         rule, names = self.setup.spec.tuning.states[name], self.setup.causes[name]
-        problem, row = self.pose(names, windows), windows[0].row
-        fit = solve(problem)
+        row, rest = windows[0].row, rests(self.setup, name)
+        problem, fit, share = while_there(lambda w: self.pose(names, w), windows, rest, self._off)
         if gone:
             before = amount(self.setup, name, self.version)
             said = f"{rule.over} at {called(row)}{_at(windows)}, after {before}"
@@ -101,6 +102,8 @@ class States:
             return None
         size = f"{fit[rule.number]:.3g} ± {high - fit[rule.number]:.1g} {unit}"
         said = f"{rule.says} {size} since {called(row)}{_at(windows)}"
+        if share < 1.0:
+            said += f", on {100.0 * share:.0f} % of the rows: it comes and goes"
         values = dict(zip(fit.names, fit.values.tolist(), strict=True))
         return Stated(name, said, values, problem, fit, row)
 

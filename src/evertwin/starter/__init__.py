@@ -18,7 +18,9 @@ if TYPE_CHECKING:
     from evertwin.starter.namespaces import (
         belonging as belonging, of_namespace as of_namespace, of_one_machine as of_one_machine,
     )  # fmt: skip
-    from evertwin.starter.options import answered as answered, options_of as options_of
+    from evertwin.starter.options import (
+        answered as answered, needs_description as needs_description, options_of as options_of,
+    )  # fmt: skip
     from evertwin.starter.proposal import (
         Derivation as Derivation, Match as Match, Proposal as Proposal,
     )  # fmt: skip

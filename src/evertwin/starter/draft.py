@@ -21,6 +21,8 @@ from evertwin.models.contract import is_adopted
 from evertwin.settings.writing import inline, template
 from evertwin.signals import conversion
 from evertwin.starter.named import short
+from evertwin.starter.options import stands_in
+from evertwin.starter.payload import acting
 from evertwin.starter.proposal import ASK, Match, Proposal, position, together
 from evertwin.starter.seen import Seen
 from evertwin.starter.words import quantity, same_kind, words
@@ -342,7 +344,8 @@ class Draft:
         layout = () if model is None else (*model.inputs, *model.outputs)
         units = {channel.name: channel.unit for channel in layout}
         return template("starter", "starter.toml.txt", column=_column).render(
-            draft=self, model=model, ask=ASK, units=units,
+            draft=self, model=model, ask=ASK, units=units, stands_in=stands_in(self.options),
+            payload=", ".join(acting(model)) if self.once and model is not None else "",
             options=", ".join(f"{k} = {inline(v)}" for k, v in options.items()),
             recordings=self._origin,
             editable=", ".join(map(inline, names[:6])),
@@ -359,6 +362,7 @@ class Draft:
         derived = ((d.name, f"{d.op} of {', '.join(d.of)}") for d in self.proposal.derivations)
         lacking = ((name, "no column found") for name in self.proposal.missing)
         lines += [f"  {name:<10} {said}" for name, said in together([*derived, *lacking])]
+        lines += [f"  {said}"] if (said := stands_in(self.options)) else []
         if self.proposal.unused:
             lines.append(f"  not used: {', '.join(self.proposal.unused)}")
         if self.questions:

@@ -2,8 +2,9 @@
 
 Headings that differ in one number (``q_0 … q_5``, ``J1_pos … J6_pos``), in the name of a joint
 (``position.elbow``) or, several times, in the same words (``pan_deg tilt_deg pan_Nm tilt_Nm``,
-``X_mm Y_mm X_N Y_N``) are a family; columns without headings are cut into as many as there are
-joints, one block after the other.
+``J1 Position … Z Position … J4 Position``) are a family, unless they say different quantities of
+one joint; columns without headings are cut into as many as there are joints, one block after the
+other.
 
 >>> table = [f"{q}_{i}" for q in ("q", "tau") for i in range(3)]
 >>> [family.columns for family in families(table, ("a", "b", "c"))]
@@ -16,10 +17,14 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
+from evertwin.starter.words import quantity
+
 _WORD = re.compile(r"[A-Za-z]{2,}|(?<![A-Za-z])[A-Za-z](?![A-Za-z])")
+_NAMED = re.compile(r"(?<![A-Za-z0-9])[A-Za-z]+\d*(?![A-Za-z0-9])")
+"""A word with its number: of ``J1 J2 Z J4`` the third has none."""
 
 
 class Family(NamedTuple):
@@ -68,15 +73,22 @@ def _by_word(names: Sequence[str], count: int) -> dict[str, Family]:
     """Headings that differ in one word, where two families or more do so in the same words."""
     stems: dict[str, dict[str, str]] = {}
     for name in names:
-        for found in _WORD.finditer(name):
+        for found in (*_WORD.finditer(name), *_NAMED.finditer(name)):
             stem = f"{name[: found.start()]}#{name[found.end() :]}"
             stems.setdefault(stem, {})[found[0].lower()] = name
-    whole = {stem: there for stem, there in stems.items() if len(there) == count > 1}
+    whole = {
+        stem: there for stem, there in stems.items() if len(there) == count > 1 and _alike(there)
+    }
     often = Counter(tuple(there) for there in whole.values())
     return {
         stem: Family(stem, tuple(there.values()))
         for stem, there in whole.items() if often[tuple(there)] > 1
     }  # fmt: skip
+
+
+def _alike(there: Iterable[str]) -> bool:
+    """Do words that differ name joints, and not what is measured of one?"""
+    return len({quantity([word]) for word in there} - {""}) < 2
 
 
 def _by_number(names: Sequence[str], count: int) -> dict[str, Family]:

@@ -2,12 +2,45 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from evertwin.errors import UsageError
+from evertwin.starter.joint_count import told_joints
 from evertwin.starter.proposal import ASK
+from evertwin.starter.seen import Seen
+
+BUILT_IN, JOINTS = "ur5_like", 6
+"""The description of an arm of which none is given, and its joints."""
+
+
+def stands_in(options: Mapping[str, Any]) -> str:
+    """What was taken for a description that nobody gave, and what to give; empty: nothing.
+
+    >>> stands_in({"urdf": "arm.urdf"})
+    ''
+    """
+    if options.get("urdf") != BUILT_IN:
+        return ""
+    return f"bodies of {BUILT_IN}, as no description was given: give the arm's own, --urdf FILE"
+
+
+def needs_description(seen: Sequence[Seen], missing: Collection[str]) -> str:
+    """Why an arm cannot be taken for the built-in one; empty: it can.
+
+    Args:
+        seen: the tables.
+        missing: channels of that one that found no column.
+    """
+    joints = told_joints(seen)
+    if joints in (0, JOINTS) and "q1" not in missing:
+        return ""
+    told = f"of {joints} joints" if joints not in (0, JOINTS) else f"not told for {JOINTS} joints"
+    return (
+        f"the columns are {told}, and {BUILT_IN}, which is built in, has {JOINTS}: give the arm's "
+        "own description, --urdf FILE"
+    )
 
 
 def answered(options: dict[str, Any]) -> dict[str, Any]:
@@ -43,5 +76,5 @@ def options_of(kind: str, urdf: Path | None, own: Path) -> Sequence[dict[str, An
     if kind != "arm":
         return [{}]
     # a description's inertias are a start: friction alone would have to explain what they leave
-    described = "ur5_like" if urdf is None else str(urdf)
+    described = BUILT_IN if urdf is None else str(urdf)
     return [{"urdf": described, "law": "tanh+load", "base": True, "payload": True}]
