@@ -142,9 +142,7 @@ class Draft:
     def rate(self) -> float | None:
         """Rate to resample to, where derivatives, a filter or several sources need one: of every
         row, or of every second, third … one where they come faster than motion needs."""
-        if self.period is None or not self.period > 0:
-            return None
-        if not self.static and len(self.sources) < 2:
+        if not (self.period and self.period > 0 and (self.static or len(self.sources) > 1)):
             return None
         exact = abs(float(f"{self.period:.3g}") / self.period - 1.0) < EXACT
         rate = float(f"{1.0 / self.period:.{6 if exact else 3}g}")

@@ -197,9 +197,7 @@ class Problem:
         dt = joined([block.dt for block in self.windows])
         stateful = len(self.model.states) > 0
         y, used, segments = prepared(self.windows, stateful, self.filter)
-        if self.moving is None:
-            return Rows(u, dt, y, used, used, segments)
-        moving = np.asarray(self.moving(u)) & used
+        moving = used if self.moving is None else np.asarray(self.moving(u)) & used
         if not self.only_moving:
             return Rows(u, dt, y, used, moving, segments)
         return Rows(u, dt, np.where(moving, y, np.nan), moving, moving, segments)
@@ -360,11 +358,10 @@ class Problem:
 
     def sensitivity(self, values: Vector) -> Sensitivity:
         """The same of the rows that count, each output with the columns that act on it."""
-        used = self.rows.used
         if not self.linear:
-            return Sensitivity.dense(self.jacobian(values), used)
+            return Sensitivity.dense(self.jacobian(values), self.rows.used)
         _, _, columns, at = self.reduced
-        return Sensitivity.of_columns(columns, at, used, len(values))
+        return Sensitivity.of_columns(columns, at, self.rows.used, len(values))
 
     @cached_property
     def reduced(self) -> Reduced:
