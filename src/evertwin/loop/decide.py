@@ -21,7 +21,7 @@ from evertwin.loop.decision import Decision
 from evertwin.loop.disturbances import disturbed, unlearn
 from evertwin.loop.follow import EMPTY, Follow
 from evertwin.loop.former import KNOWN, known_again, tell_alternates, without_newest
-from evertwin.loop.going_live import goes_live, recovered, switched
+from evertwin.loop.going_live import goes_live, recovered, switched, told_anew
 from evertwin.loop.heeding import heed
 from evertwin.loop.in_stream import tell_followed
 from evertwin.loop.looking import adopted, in_vain, looks, returned
@@ -86,6 +86,7 @@ class Decide:
         """Is nothing going on but watching, so that a beat decides only what rows bring up?"""
         agenda, detect = state.agenda, self.follow.setup.detect
         idle = agenda.phase == WATCH and not (agenda.open or agenda.retrain or agenda.again)
+        idle = idle and agenda.retell <= 0
         setup = self.follow.setup
         calm = not setup.external.on(state.external)
         calm = calm and setup.kinematics.since(state.kinematics) < 0
@@ -164,7 +165,8 @@ class Decide:
             decision.remember(look=0, pace=0)
         every = state.elapsed - agenda.fitted >= setup.schedule
         due = every or again > 0 or last
-        if reason or alarm.kind or due:
+        retells = 0 < agenda.retell <= state.row and state.row >= agenda.hold
+        if reason or alarm.kind or due or retells:
             makes_room(setup, decision)
         free = self._free(decision.state, bool(reason or alarm.kind or state.agenda.risen), every)
         if reason is None and not alarm.kind:
@@ -186,6 +188,8 @@ class Decide:
             self._ask(decision, "fit", {"reason": reason or "scheduled"})
         elif about:
             self._look(decision, about)
+        elif retells and not decision.state.agenda.told and self._free(decision.state):
+            self._ask(decision, "retell", {})
         elif self._learns_on(decision.state):
             self._ask(decision, "correct", {"reason": "levels are missing"}, state.live.version)
 
@@ -250,7 +254,9 @@ class Decide:
         request = Request(number, kind, state.live.version, state.row, due, window, dict(detail))
         decision.requests.append(request)
         state.ring.seen[1] = state.ring.seen[0]
+        retell = {"retell": -1, "fit": 0}.get(kind, state.agenda.retell)
         decision.remember(
+            retell=retell,
             open=number, due=due, start=window[0], stop=window[1], asked=number,
             kind=kind,
             rival=state.other.version if state.agenda.phase == TRIAL else rival,
@@ -358,6 +364,8 @@ class Decide:
         decision.state = goes_live(self.follow, decision.state, new.version, old, first)
         if state.agenda.brief >= 0.0 and state.agenda.begins >= 0:
             adopted(decision, self.follow.setup, self.follow.versions[new.version])
+        else:
+            decision.remember(retell=told_anew(self.follow, state))
         decision.remember(phase=PROBATION, brief=-1.0)
         tell_alternates(decision)
 

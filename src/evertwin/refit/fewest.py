@@ -15,10 +15,12 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from evertwin.gauges.gauge_rows import residual
+from evertwin.refit.companions import beside
 from evertwin.setup.evaluation import falls_short
 from evertwin.setup.setup import Setup
 from evertwin.tuning import Fit, Problem
 from evertwin.tuning.recordings import beginning
+from evertwin.types import Vector
 
 Tune: TypeAlias = Callable[[Problem], tuple[Problem, Fit, dict[str, Any]]]
 MANY = 4
@@ -47,13 +49,27 @@ def fewest(setup: Setup, problem: Problem, fit: Fit, tune: Tune) -> tuple[Proble
     size = np.sqrt(np.nanmean(np.square(start), axis=0))
     size = np.where(np.isfinite(size) & (size > 0.0), size, 1.0)
 
-    def off(one: Problem, values: np.ndarray) -> float:
+    def off(one: Problem, values: Vector) -> float:
         left = np.where(used, one.residuals(values), np.nan) / size
         return float(np.nansum(np.square(left)))
 
     whole, before = off(problem, fit.values), off(problem, problem.start)
     if not whole < before:  # all of them tell nothing
         return problem, fit
+    posed, found = _chosen(setup, problem, fit, tune, (off, whole, before))
+    left_out = tuple(name for name in names if name not in posed.names)
+    return posed, beside(posed, found, left_out, lambda one: tune(problem.tuning(one))[1])
+
+
+def _chosen(
+    setup: Setup, problem: Problem, fit: Fit, tune: Tune,
+    judged: tuple[Callable[[Problem, Vector], float], float, float],
+) -> tuple[Problem, Fit]:  # fmt: skip
+    """What of the problem's numbers is let go. ``judged``: what a fit is off by, with all of them,
+    and with none."""
+    off, whole, before = judged
+    begins = beginning(problem.model, problem.names)
+    names = tuple(name for name in problem.names if name not in begins)
     enough = whole + LITTLE * (before - whole)
     reached = not falls_short(setup, problem, fit)
     chosen = tuple[str, ...]()

@@ -2,6 +2,7 @@
 
 ``state`` and ``refine``: what came or went as a named, reversible state. ``fit``: tune what may be
 tuned, then ask whether the parameters had moved (normal) or the form is wrong (abnormal).
+``retell``: tell anew, by more rows, what few had told.
 ``correct``: search for terms that make up for the form. Each may end in a candidate, which then has
 to prove itself on data that this work has not seen.
 """
@@ -48,6 +49,7 @@ from evertwin.refit.physical import embodied, passive
 from evertwin.refit.posterior import posterior
 from evertwin.refit.recovered import recovered
 from evertwin.refit.recursive_fit import Recursion
+from evertwin.refit.retold import retold
 from evertwin.refit.simplest import law_now
 from evertwin.refit.states import States, amount
 from evertwin.refit.told import known
@@ -101,8 +103,8 @@ class Work(Tuner):
             if task.windows and not own_starts(model, len(task.windows)):
                 rows = later(model, p, horizon, (known, task.windows))
                 task = task._replace(windows=rows)
-            if task.kind == "correct":
-                content = self.correct(task)
+            if task.kind in (sought_by := {"correct": self.correct, "retell": partial(retold, self)}):
+                content = sought_by[task.kind](task)
             else:
                 task, content = self._stated(task)
                 content = content or (self.fit(task) if task.kind == "fit" else {})

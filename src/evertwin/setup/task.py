@@ -36,7 +36,7 @@ class Task(NamedTuple):
     """
 
     kind: str
-    """``fit``, ``correct``; ``state``: a state alone; ``refine``: that of the version."""
+    """``fit``, ``retell``, ``correct``; ``state``: a state alone; ``refine``: that of the version."""
     version: Version
     """What it starts from."""
     windows: Windows
