@@ -231,12 +231,19 @@ class Decide:
     def _free(self, state: TwinState, deviates: bool = False, due: bool = False) -> bool:
         """May a candidate be sought? Whatever goes on if a fit is due; if the live version deviates
         in probation too, and beside one on trial if that is long, or the machine changed since."""
-        agenda, least = state.agenda, self.follow.setup.trial.least
+        agenda = state.agenda
         if agenda.open or agenda.pinned or state.row < agenda.hold:
             return False
         # in probation the machine may have changed, for which the version is not to blame
-        long = agenda.phase == PROBATION or state.trial.tally[1] >= least or agenda.risen > 0
-        return agenda.phase == WATCH or due or bool(deviates and long)
+        if agenda.phase == WATCH or due or not deviates:
+            return agenda.phase == WATCH or due
+        return agenda.phase == PROBATION or agenda.risen > 0 or not self._fresh(state)
+
+    def _fresh(self, state: TwinState) -> bool:
+        """Has what is on trial been tried for less than a deviation is judged on, and is its trial
+        not as long as it has to be?"""
+        rows, gate = state.row - self.follow.versions[state.other.version].row, self.follow.setup.trial
+        return rows < self.follow.setup.enough and bool(state.trial.tally[1] < gate.least)
 
     def _ask(
         self, decision: Decision, kind: str, detail: Mapping[str, Any], rival: int = 0
@@ -306,7 +313,7 @@ class Decide:
     def _challenge(self, decision: Decision, candidate: Mapping[str, Any]) -> None:
         state, follow = decision.state, self.follow
         busy = state.agenda.phase == PROBATION
-        if state.agenda.phase == TRIAL and state.trial.tally[1] < follow.setup.trial.least:
+        if state.agenda.phase == TRIAL and not state.agenda.risen and self._fresh(state):
             busy = follow.versions[state.other.version].row >= state.agenda.since  # of this machine
         if busy and "brief" not in candidate:
             return  # of a scheduled fit the numbers are kept

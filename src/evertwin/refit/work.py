@@ -158,8 +158,8 @@ class Work(Tuner):
             return content
         if (found := content.get("candidate")) is not None:
             unseen = after(task.windows, max(rival.row, content.get("since", rival.row)))
-            every = unseen if "since" in content else task.windows
-            rows = newer(unseen, self.setup.enough) or every
+            own = unseen if "since" in content else after(task.windows, found["told"])
+            rows = newer(unseen, self.setup.enough) or own
             new = left(self.setup, *self._made(task.version, found), rows, self.known)
             gain = MUCH if self._pays(task, rival, unseen) else self.setup.trial.margin
             if np.nanmean(new / self.left(rival, rows)) <= 1.0 - gain:
@@ -390,7 +390,7 @@ class Work(Tuner):
         """As an answer holds it; ``scale``: what counts as 1 in its trial, per output."""
         return {
             "form": form, "values": values, "scale": scale, "reason": reason,
-            "watched": self.watched(windows),
+            "watched": self.watched(windows), "told": windows[0].row if windows else 0,
         }  # fmt: skip
 
     def watched(self, windows: Windows) -> np.ndarray:
