@@ -34,6 +34,8 @@ from evertwin.rows.ring import refuse
 from evertwin.setup.deviation import new_sums
 from evertwin.setup.twin_state import PROBATION, TRIAL, WATCH, TwinState
 
+FEW = 5
+"""Segments that a challenger predicts at least before a better one is sought."""
 PATIENT = 4
 """So many pauses from one fit to the next while a channel is in doubt."""
 
@@ -240,10 +242,11 @@ class Decide:
         return agenda.phase == PROBATION or agenda.risen > 0 or not self._fresh(state)
 
     def _fresh(self, state: TwinState) -> bool:
-        """Has what is on trial been tried for less than a deviation is judged on, and is its trial
-        not as long as it has to be?"""
-        rows, gate = state.row - self.follow.versions[state.other.version].row, self.follow.setup.trial
-        return rows < self.follow.setup.enough and bool(state.trial.tally[1] < gate.least)
+        """Is a trial neither as long as it has to be, nor what is on trial tried on as many rows as
+        a deviation is judged on?"""
+        setup, segments = self.follow.setup, int(state.trial.tally[1])
+        rows = state.row - self.follow.versions[state.other.version].row
+        return segments < setup.trial.least and (rows < setup.enough or segments < FEW)
 
     def _ask(
         self, decision: Decision, kind: str, detail: Mapping[str, Any], rival: int = 0

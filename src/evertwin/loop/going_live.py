@@ -150,10 +150,11 @@ def goes_live(follow: Follow, state: TwinState, number: int, other: Any, first: 
 
 def told_anew(follow: Follow, state: TwinState) -> int:
     """Row from which on a whole window behind what the challenger was tuned on tells it anew; 0: it
-    was told so itself, or no version has held yet, so that deviations ask for more fits."""
-    learned, agenda = follow.versions[state.other.version].row, state.agenda
-    again = agenda.commissioned and agenda.retell >= 0
-    return learned + follow.setup.window("retell") if again else 0
+    was told so itself, has another form, or no version has held yet, so that deviations ask for
+    more fits."""
+    new, old = (follow.versions[lane.version] for lane in (state.other, state.live))
+    again = state.agenda.commissioned and state.agenda.retell >= 0 and new.form == old.form
+    return new.row + follow.setup.window("retell") if again else 0
 
 
 def switched(follow: Follow, evidence: Mapping[str, Any], number: int) -> dict[str, Any]:

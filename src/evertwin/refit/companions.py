@@ -29,6 +29,8 @@ def beside(problem: Problem, fit: Fit, left_out: Sequence[str], tune: Together) 
         left_out: numbers that stayed as they were.
         tune: fits the numbers that are named, from the same start.
     """
+    if not left_out:
+        return fit
     interval95, verdict, reasons = fit.interval95.copy(), [*fit.verdict], [*fit.reasons]
     for other in left_out:
         more = tune((*problem.names, other))

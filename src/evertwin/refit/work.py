@@ -103,11 +103,9 @@ class Work(Tuner):
             if task.windows and not own_starts(model, len(task.windows)):
                 rows = later(model, p, horizon, (known, task.windows))
                 task = task._replace(windows=rows)
-            if task.kind in (sought_by := {"correct": self.correct, "retell": partial(retold, self)}):
-                content = sought_by[task.kind](task)
-            else:
-                task, content = self._stated(task)
-                content = content or (self.fit(task) if task.kind == "fit" else {})
+            how = {"correct": self.correct, "retell": partial(retold, self), "fit": self.fit}
+            task, content = (task, {}) if task.kind in ("correct", "retell") else self._stated(task)
+            content = content or how.get(task.kind, lambda _: {})(task)
             self._refuse(task, content)
             caveats(task, content)
             if task.held and "fit" in content:
