@@ -2,8 +2,9 @@
 
 The first rows after a change tell what explains them, and a fit as short as that shares it out
 among friction's terms by chance. Within the requirement no deviation asks for more, but wear and
-plans are read from the numbers. So once a whole window of the changed machine is there, it is fitted
-again from what is live: nothing is claimed to have changed, and what the answer finds has its trial.
+plans are read from the numbers. So once a whole window of the changed machine is there, it is
+fitted again from what is live: nothing is claimed to have changed, and what the answer finds has
+its trial.
 """
 
 from __future__ import annotations
