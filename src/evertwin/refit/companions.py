@@ -20,20 +20,23 @@ from evertwin.tuning import Fit, Problem
 Together: TypeAlias = Callable[[tuple[str, ...]], Fit]
 
 
-def beside(problem: Problem, fit: Fit, left_out: Sequence[str], tune: Together) -> Fit:
-    """The fit, whose intervals hold what its numbers are with each of those ``left_out``.
+def beside(problem: Problem, fit: Fit, left_out: Sequence[str], tune: Together, whole: Fit) -> Fit:
+    """The fit, whose intervals hold what its numbers are with each of those ``left_out``, and with
+    all of them.
 
     Args:
         problem: what was tuned: some of the numbers.
         fit: its tuning.
         left_out: numbers that stayed as they were.
         tune: fits the numbers that are named, from the same start.
+        whole: the fit of all numbers.
     """
     if not left_out:
         return fit
     interval95, verdict, reasons = fit.interval95.copy(), [*fit.verdict], [*fit.reasons]
-    for other in left_out:
-        more = tune((*problem.names, other))
+    others = [(name, tune((*problem.names, name))) for name in left_out]
+    others += [(", ".join(left_out), whole)] if len(left_out) > 1 else []
+    for other, more in others:
         if not more.converged:
             continue
         for k, name in enumerate(fit.names):

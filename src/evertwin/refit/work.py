@@ -103,9 +103,11 @@ class Work(Tuner):
             if task.windows and not own_starts(model, len(task.windows)):
                 rows = later(model, p, horizon, (known, task.windows))
                 task = task._replace(windows=rows)
-            how = {"correct": self.correct, "retell": partial(retold, self), "fit": self.fit}
-            task, content = (task, {}) if task.kind in ("correct", "retell") else self._stated(task)
-            content = content or how.get(task.kind, lambda _: {})(task)
+            if task.kind in ("correct", "retell"):
+                content = self.correct(task) if task.kind == "correct" else retold(self, task)
+            else:
+                task, content = self._stated(task)
+                content = content or (self.fit(task) if task.kind == "fit" else {})
             self._refuse(task, content)
             caveats(task, content)
             if task.held and "fit" in content:
@@ -221,9 +223,7 @@ class Work(Tuner):
         if commissioned and not rounds:
             own = tuple(n for n in problem.names if n in model.parameters.names)
             problem, fit = newest(*tuned, partial(self.problem, version, names=own), self.tune)
-        rest = set(self.editable(version)).difference(
-            names, self.setup.once if commissioned else ()
-        )
+        rest = set(self.editable(version)) - {*names, *(self.setup.once if commissioned else ())}
         verdict = judged(self.setup, problem, fit, rest, rounds=bool(rounds))
         reached = verdict.kind != "abnormal" and self.holds(problem, fit.values)
         new = not (commissioned or verdict.alone or reached)
