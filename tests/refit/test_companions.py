@@ -57,7 +57,7 @@ def test_intervals_hold_what_changed_whichever_of_both_did() -> None:
 
 def test_many_speeds_tell_one_number_from_the_other() -> None:
     """The interval is not much wider than that of the fit of both."""
-    for seed in SEEDS:
+    for seed in range(5):
         fit = learned(seed, 1500, 0.2, 0.25, 0.0)
         half = np.diff(fit.interval95[fit.names.index("Fc")])[0] / 2.0
         assert half < 0.02 * DRY * 1.25

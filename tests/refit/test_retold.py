@@ -49,4 +49,4 @@ def test_another_split_is_told_within_the_requirement() -> None:
 
 def test_of_numbers_that_hold_nothing_is_said() -> None:
     for seed in range(5):
-        assert answer(seed, Fc=DRY, Fv=VISCOUS) == {"events": []}
+        assert not any(answer(seed, Fc=DRY, Fv=VISCOUS).values())
