@@ -43,9 +43,13 @@ def beside(problem: Problem, fit: Fit, left_out: Sequence[str], tune: Together, 
             if fit.verdict[k] == "not" or name not in more.names:
                 continue
             value, (low, high) = _with(more, name, float(fit.start[k]))
-            if fit.interval95[k, 0] <= value <= fit.interval95[k, 1]:
-                continue
+            first, last = fit.interval95[k].tolist()
+            half, moved = (last - first) / 2.0, not first <= value <= last
+            if not moved:  # as sure as it is alone, about where it is then
+                low, high = max(low, value - half), min(high, value + half)
             interval95[k] = min(interval95[k, 0], low), max(interval95[k, 1], high)
+            if not moved:
+                continue
             verdict[k] = "weak"
             unit = "" if fit.units[k] == "1" else fit.units[k]
             said = f"{number(value, unit, 3)} (± {(high - low) / 2:.2g}) if {other} changed too"
