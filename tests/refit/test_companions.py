@@ -77,4 +77,4 @@ def test_without_companions_nothing_is_said() -> None:
     rows = make_block(t=np.arange(50), u=np.linspace(-1, 1, 50)[:, None], y=np.ones((50, 1)))
     problem = Problem(AXIS, (rows,), ("Fc",))
     fit = solve(problem)
-    assert beside(problem, fit, (), lambda names: solve(problem.tuning(names)), fit) is fit
+    assert beside(problem, fit, (), lambda names: solve(problem.tuning(names))) is fit

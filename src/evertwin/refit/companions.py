@@ -2,8 +2,8 @@
 
 That one number explains what changed does not say that it alone changed: a few rows at much the
 same speed tell dry friction from viscous friction by their noise. So each number that was left out
-is tuned beside those that were let go. Where one of these moves beyond its interval then, the
-interval holds what it is with the other as well, and the number is weak.
+is tuned beside those that were let go, and their intervals hold what they are then. One that
+moves beyond its interval is weak, and it is said what it would be.
 """
 
 from __future__ import annotations
@@ -20,35 +20,28 @@ from evertwin.tuning import Fit, Problem
 Together: TypeAlias = Callable[[tuple[str, ...]], Fit]
 
 
-def beside(problem: Problem, fit: Fit, left_out: Sequence[str], tune: Together, whole: Fit) -> Fit:
-    """The fit, whose intervals hold what its numbers are with each of those ``left_out``, and with
-    all of them.
+def beside(problem: Problem, fit: Fit, left_out: Sequence[str], tune: Together) -> Fit:
+    """The fit, whose intervals hold those of its numbers with each of those ``left_out``.
 
     Args:
         problem: what was tuned: some of the numbers.
         fit: its tuning.
         left_out: numbers that stayed as they were.
         tune: fits the numbers that are named, from the same start.
-        whole: the fit of all numbers.
     """
     if not left_out:
         return fit
     interval95, verdict, reasons = fit.interval95.copy(), [*fit.verdict], [*fit.reasons]
-    others = [(name, tune((*problem.names, name))) for name in left_out]
-    others += [(", ".join(left_out), whole)] if len(left_out) > 1 else []
-    for other, more in others:
+    for other in left_out:
+        more = tune((*problem.names, other))
         if not more.converged:
             continue
         for k, name in enumerate(fit.names):
             if fit.verdict[k] == "not" or name not in more.names:
                 continue
             value, (low, high) = _with(more, name, float(fit.start[k]))
-            first, last = fit.interval95[k].tolist()
-            half, moved = (last - first) / 2.0, not first <= value <= last
-            if not moved:  # as sure as it is alone, about where it is then
-                low, high = max(low, value - half), min(high, value + half)
             interval95[k] = min(interval95[k, 0], low), max(interval95[k, 1], high)
-            if not moved:
+            if fit.interval95[k, 0] <= value <= fit.interval95[k, 1]:
                 continue
             verdict[k] = "weak"
             unit = "" if fit.units[k] == "1" else fit.units[k]

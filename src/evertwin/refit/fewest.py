@@ -58,7 +58,7 @@ def fewest(setup: Setup, problem: Problem, fit: Fit, tune: Tune) -> tuple[Proble
         return problem, fit
     posed, found = _chosen(setup, problem, fit, tune, (off, whole, before))
     left_out = tuple(name for name in names if name not in posed.names)
-    return posed, beside(posed, found, left_out, lambda one: tune(problem.tuning(one))[1], fit)
+    return posed, beside(posed, found, left_out, lambda one: tune(problem.tuning(one))[1])
 
 
 def _chosen(
