@@ -21,7 +21,7 @@ from evertwin.loop.decision import Decision
 from evertwin.loop.disturbances import disturbed, unlearn
 from evertwin.loop.follow import EMPTY, Follow
 from evertwin.loop.former import KNOWN, known_again, tell_alternates, without_newest
-from evertwin.loop.going_live import goes_live, recovered, switched, told_anew
+from evertwin.loop.going_live import goes_live, recovered, retells, switched, told_anew
 from evertwin.loop.heeding import heed
 from evertwin.loop.in_stream import tell_followed
 from evertwin.loop.looking import adopted, in_vain, looks, returned
@@ -141,6 +141,7 @@ class Decide:
             watch, seen = new_sums(len(state.scores.watch.samples)), np.zeros(1, dtype=np.int64)
             scores = state.scores._replace(watch=watch, seen=seen)
             decision.state = state._replace(scores=scores)
+            decision.remember(look=0, pace=0)
         detect, failed = setup.detect.beat(decision.state.detect, task_end)
         decision.state = decision.state._replace(detect=detect)
         if failed[0]:
@@ -152,8 +153,7 @@ class Decide:
             last = last and state.row >= agenda.hold  # it is asked for now, or at a later beat
             again = 0 if last or reason == "" else again
             held = reason == ""
-            over = held and bool(agenda.doubt) and driven(setup, decision.state.ring)
-            if over:
+            if held and agenda.doubt and driven(setup, decision.state.ring):
                 clears(decision, f"over {setup.enough} rows the live version is as near as it was")
             # what was learned before a change fits again: the change is over, and so are its rows
             learned = self.follow.versions[state.live.version].row
@@ -163,12 +163,9 @@ class Decide:
                 again=again, held=agenda.held or held, commissioned=agenda.commissioned or held,
                 since=since,
             )  # fmt: skip
-        if reason is not None:
-            decision.remember(look=0, pace=0)
         every = state.elapsed - agenda.fitted >= setup.schedule
         due = every or again > 0 or last
-        retells = 0 < agenda.retell <= state.row and state.row >= agenda.hold
-        if reason or alarm.kind or due or retells:
+        if reason or alarm.kind or due or retells(state):
             makes_room(setup, decision)
         free = self._free(decision.state, bool(reason or alarm.kind or state.agenda.risen), every)
         if reason is None and not alarm.kind:
@@ -190,7 +187,7 @@ class Decide:
             self._ask(decision, "fit", {"reason": reason or "scheduled"})
         elif about:
             self._look(decision, about)
-        elif retells and not decision.state.agenda.told and self._free(decision.state):
+        elif retells(decision.state) and self._free(decision.state):
             self._ask(decision, "retell", {})
         elif self._learns_on(decision.state):
             self._ask(decision, "correct", {"reason": "levels are missing"}, state.live.version)

@@ -157,6 +157,12 @@ def told_anew(follow: Follow, state: TwinState) -> int:
     return new.row + follow.setup.window("retell") if again else 0
 
 
+def retells(state: TwinState) -> bool:
+    """Is it time for that? A deviation asks for a fit of its own."""
+    agenda, row = state.agenda, state.row
+    return 0 < agenda.retell <= row and row >= agenda.hold and not agenda.told
+
+
 def switched(follow: Follow, evidence: Mapping[str, Any], number: int) -> dict[str, Any]:
     """The evidence of a switch, with the version that goes live."""
     return {**evidence, "version": number, "hash": follow.versions[number].hash}
