@@ -158,7 +158,7 @@ class Work(Tuner):
             return content
         if (found := content.get("candidate")) is not None:
             unseen = after(task.windows, max(rival.row, content.get("since", rival.row)))
-            own = unseen if "since" in content else after(task.windows, found["told"])
+            own = unseen if "since" in content else after(task.windows, found.get("told", 0))
             rows = newer(unseen, self.setup.enough) or own
             new = left(self.setup, *self._made(task.version, found), rows, self.known)
             gain = MUCH if self._pays(task, rival, unseen) else self.setup.trial.margin
