@@ -315,12 +315,13 @@ class Decide:
         busy = state.agenda.phase == PROBATION
         if state.agenda.phase == TRIAL and not state.agenda.risen and self._fresh(state):
             busy = follow.versions[state.other.version].row >= state.agenda.since  # of this machine
-        if busy and "brief" not in candidate:
+        former = candidate.get("version")
+        again = state.agenda.phase == TRIAL and former == state.other.version
+        if again or (busy and "brief" not in candidate):
             return  # of a scheduled fit the numbers are kept
         begins = opening(follow.setup, state, candidate)
         if begins.said:
             decision.say("superseded", "", begins.said, begins.evidence)
-        former = candidate.get("version")
         if former is not None and known_again(state.lives, former):
             candidate = {**candidate, "brief": KNOWN}  # the machine was like it time and again
         version = follow.versions.add(
