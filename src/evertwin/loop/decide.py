@@ -275,10 +275,13 @@ class Decide:
         agenda = decision.state.agenda
         if answer.id != agenda.open or answer.version != decision.state.live.version:
             return
-        setup = self.follow.setup
+        setup, on_trial = self.follow.setup, decision.state.other.version
         content: Any = in_doubt(decision, setup, to_blame(decision, answer.content))
         waits = agenda.again > 0 and ("waits" in content or agenda.kind in ("state", "refine"))
         decision.remember(open=0, again=agenda.again if waits else 0)
+        candidate = content.get("candidate")
+        if candidate and agenda.phase == TRIAL and candidate.get("version") == on_trial:
+            return  # that the machine is as it was has been said
         for event in content.get("events", ()):
             decision.say(event["kind"], event["signal"], event["reason"], event["evidence"])
         if content.get("refused"):
@@ -290,7 +293,6 @@ class Decide:
             decision.state.scores.usual.noise[:] = content["noise"]
         if content.get("tuned"):
             decision.remember(tunings=agenda.tunings + 1, cause="")
-        candidate = content.get("candidate")
         if candidate is None or "brief" not in candidate:
             decision.remember(since=max(agenda.since, int(content.get("since", agenda.since))))
         lacking = content.get("lacking")
@@ -315,13 +317,12 @@ class Decide:
         busy = state.agenda.phase == PROBATION
         if state.agenda.phase == TRIAL and not state.agenda.risen and self._fresh(state):
             busy = follow.versions[state.other.version].row >= state.agenda.since  # of this machine
-        former = candidate.get("version")
-        again = state.agenda.phase == TRIAL and former == state.other.version
-        if again or (busy and "brief" not in candidate):
+        if busy and "brief" not in candidate:
             return  # of a scheduled fit the numbers are kept
         begins = opening(follow.setup, state, candidate)
         if begins.said:
             decision.say("superseded", "", begins.said, begins.evidence)
+        former = candidate.get("version")
         if former is not None and known_again(state.lives, former):
             candidate = {**candidate, "brief": KNOWN}  # the machine was like it time and again
         version = follow.versions.add(
