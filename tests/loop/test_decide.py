@@ -148,6 +148,33 @@ def test_a_deviation_beside_a_trial_asks_for_what_surpasses_the_challenger() -> 
     assert (later.state.agenda.phase, later.state.other.version) == (TRIAL, 2)
 
 
+def test_a_challenger_is_surpassed_where_a_whole_window_behind_it_deviates() -> None:
+    bench = Bench(anomaly=AnomalySpec(requirement=1e-12, relative=False, window=Span(10)))
+    state = bench.challenger(TRIAL)
+    bench.setup.trial.step(state.trial, losses(1.2, 1.0, 6))
+    assert bench.setup.trial.least > 6
+    done = bench.beat(deviating(bench, state))
+    assert [request.kind for request in done.requests] == ["fit"]
+    assert (done.state.agenda.phase, done.state.agenda.rival) == (TRIAL, 1)
+
+
+@pytest.mark.parametrize("commissioned", [True, False])
+def test_a_window_behind_a_change_tells_it_anew_once(commissioned: bool) -> None:
+    bench = Bench(tuning=TuningSpec(window=Span(30)))
+    state = bench.challenger(TRIAL)
+    state = state._replace(agenda=state.agenda._replace(commissioned=commissioned))
+    bench.setup.trial.step(state.trial, losses(4.0, 1.0))
+    state = bench.beat(state).state
+    learned, size = bench.versions[1].row, bench.setup.window("retell")
+    assert state.agenda.retell == (learned + size if commissioned else 0)
+    state = state._replace(agenda=state.agenda._replace(phase=WATCH, retell=min(size, state.row)))
+    done = bench.beat(state)
+    assert [request.kind for request in done.requests] == ["retell"]
+    assert done.state.agenda.retell == -1
+    again = done.state._replace(agenda=done.state.agenda._replace(open=0))
+    assert not bench.beat(again).requests
+
+
 def test_a_promotion_drops_what_was_asked_beside_it() -> None:
     bench = Bench()
     state = bench.challenger(TRIAL)

@@ -21,7 +21,7 @@ from evertwin.loop.decision import Decision
 from evertwin.loop.disturbances import disturbed, unlearn
 from evertwin.loop.follow import EMPTY, Follow
 from evertwin.loop.former import KNOWN, known_again, tell_alternates, without_newest
-from evertwin.loop.going_live import goes_live, recovered, switched
+from evertwin.loop.going_live import goes_live, recovered, retells, switched, told_anew
 from evertwin.loop.heeding import heed
 from evertwin.loop.in_stream import tell_followed
 from evertwin.loop.looking import adopted, in_vain, looks, returned
@@ -34,6 +34,8 @@ from evertwin.rows.ring import refuse
 from evertwin.setup.deviation import new_sums
 from evertwin.setup.twin_state import PROBATION, TRIAL, WATCH, TwinState
 
+FEW = 5
+"""Segments that a challenger predicts at least before a better one is sought."""
 PATIENT = 4
 """So many pauses from one fit to the next while a channel is in doubt."""
 
@@ -86,6 +88,7 @@ class Decide:
         """Is nothing going on but watching, so that a beat decides only what rows bring up?"""
         agenda, detect = state.agenda, self.follow.setup.detect
         idle = agenda.phase == WATCH and not (agenda.open or agenda.retrain or agenda.again)
+        idle = idle and agenda.retell <= 0
         setup = self.follow.setup
         calm = not setup.external.on(state.external)
         calm = calm and setup.kinematics.since(state.kinematics) < 0
@@ -138,6 +141,7 @@ class Decide:
             watch, seen = new_sums(len(state.scores.watch.samples)), np.zeros(1, dtype=np.int64)
             scores = state.scores._replace(watch=watch, seen=seen)
             decision.state = state._replace(scores=scores)
+            decision.remember(look=0, pace=0)
         detect, failed = setup.detect.beat(decision.state.detect, task_end)
         decision.state = decision.state._replace(detect=detect)
         if failed[0]:
@@ -149,8 +153,7 @@ class Decide:
             last = last and state.row >= agenda.hold  # it is asked for now, or at a later beat
             again = 0 if last or reason == "" else again
             held = reason == ""
-            over = held and bool(agenda.doubt) and driven(setup, decision.state.ring)
-            if over:
+            if held and agenda.doubt and driven(setup, decision.state.ring):
                 clears(decision, f"over {setup.enough} rows the live version is as near as it was")
             # what was learned before a change fits again: the change is over, and so are its rows
             learned = self.follow.versions[state.live.version].row
@@ -160,11 +163,9 @@ class Decide:
                 again=again, held=agenda.held or held, commissioned=agenda.commissioned or held,
                 since=since,
             )  # fmt: skip
-        if reason is not None:
-            decision.remember(look=0, pace=0)
         every = state.elapsed - agenda.fitted >= setup.schedule
         due = every or again > 0 or last
-        if reason or alarm.kind or due:
+        if reason or alarm.kind or due or retells(state):
             makes_room(setup, decision)
         free = self._free(decision.state, bool(reason or alarm.kind or state.agenda.risen), every)
         if reason is None and not alarm.kind:
@@ -186,6 +187,8 @@ class Decide:
             self._ask(decision, "fit", {"reason": reason or "scheduled"})
         elif about:
             self._look(decision, about)
+        elif retells(decision.state) and self._free(decision.state):
+            self._ask(decision, "retell", {})
         elif self._learns_on(decision.state):
             self._ask(decision, "correct", {"reason": "levels are missing"}, state.live.version)
 
@@ -227,12 +230,20 @@ class Decide:
     def _free(self, state: TwinState, deviates: bool = False, due: bool = False) -> bool:
         """May a candidate be sought? Whatever goes on if a fit is due; if the live version deviates
         in probation too, and beside one on trial if that is long, or the machine changed since."""
-        agenda, least = state.agenda, self.follow.setup.trial.least
+        agenda = state.agenda
         if agenda.open or agenda.pinned or state.row < agenda.hold:
             return False
         # in probation the machine may have changed, for which the version is not to blame
-        long = agenda.phase == PROBATION or state.trial.tally[1] >= least or agenda.risen > 0
-        return agenda.phase == WATCH or due or bool(deviates and long)
+        if agenda.phase == WATCH or due or not deviates:
+            return agenda.phase == WATCH or due
+        return agenda.phase == PROBATION or agenda.risen > 0 or not self._fresh(state)
+
+    def _fresh(self, state: TwinState) -> bool:
+        """Is a trial neither as long as it has to be, nor what is on trial tried on as many rows as
+        a deviation is judged on?"""
+        setup, segments = self.follow.setup, int(state.trial.tally[1])
+        rows = state.row - self.follow.versions[state.other.version].row
+        return segments < setup.trial.least and (rows < setup.enough or segments < FEW)
 
     def _ask(
         self, decision: Decision, kind: str, detail: Mapping[str, Any], rival: int = 0
@@ -250,7 +261,9 @@ class Decide:
         request = Request(number, kind, state.live.version, state.row, due, window, dict(detail))
         decision.requests.append(request)
         state.ring.seen[1] = state.ring.seen[0]
+        retell = {"retell": -1, "fit": 0}.get(kind, state.agenda.retell)
         decision.remember(
+            retell=retell,
             open=number, due=due, start=window[0], stop=window[1], asked=number,
             kind=kind,
             rival=state.other.version if state.agenda.phase == TRIAL else rival,
@@ -262,10 +275,13 @@ class Decide:
         agenda = decision.state.agenda
         if answer.id != agenda.open or answer.version != decision.state.live.version:
             return
-        setup = self.follow.setup
+        setup, on_trial = self.follow.setup, decision.state.other.version
         content: Any = in_doubt(decision, setup, to_blame(decision, answer.content))
         waits = agenda.again > 0 and ("waits" in content or agenda.kind in ("state", "refine"))
         decision.remember(open=0, again=agenda.again if waits else 0)
+        candidate = content.get("candidate")
+        if candidate and agenda.phase == TRIAL and candidate.get("version") == on_trial:
+            return  # that the machine is as it was has been said
         for event in content.get("events", ()):
             decision.say(event["kind"], event["signal"], event["reason"], event["evidence"])
         if content.get("refused"):
@@ -277,7 +293,6 @@ class Decide:
             decision.state.scores.usual.noise[:] = content["noise"]
         if content.get("tuned"):
             decision.remember(tunings=agenda.tunings + 1, cause="")
-        candidate = content.get("candidate")
         if candidate is None or "brief" not in candidate:
             decision.remember(since=max(agenda.since, int(content.get("since", agenda.since))))
         lacking = content.get("lacking")
@@ -300,7 +315,7 @@ class Decide:
     def _challenge(self, decision: Decision, candidate: Mapping[str, Any]) -> None:
         state, follow = decision.state, self.follow
         busy = state.agenda.phase == PROBATION
-        if state.agenda.phase == TRIAL and state.trial.tally[1] < follow.setup.trial.least:
+        if state.agenda.phase == TRIAL and not state.agenda.risen and self._fresh(state):
             busy = follow.versions[state.other.version].row >= state.agenda.since  # of this machine
         if busy and "brief" not in candidate:
             return  # of a scheduled fit the numbers are kept
@@ -358,6 +373,8 @@ class Decide:
         decision.state = goes_live(self.follow, decision.state, new.version, old, first)
         if state.agenda.brief >= 0.0 and state.agenda.begins >= 0:
             adopted(decision, self.follow.setup, self.follow.versions[new.version])
+        else:
+            decision.remember(retell=told_anew(self.follow, state))
         decision.remember(phase=PROBATION, brief=-1.0)
         tell_alternates(decision)
 

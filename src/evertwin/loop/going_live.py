@@ -140,12 +140,27 @@ def goes_live(follow: Follow, state: TwinState, number: int, other: Any, first: 
     return state._replace(
         live=lane, stream=follow.goes_on(state, number), first=first, other=other,
         lives=with_live(state.lives, number, state.row),
-        scores=scores, agenda=state.agenda._replace(held=False, told=False, open=0),
+        scores=scores, agenda=state.agenda._replace(held=False, told=False, open=0, retell=0),
         trial=follow.setup.probation.init(), recovery=recovery,
         detect=follow.setup.detect.anew(state.detect), external=follow.setup.external.init(),
         # what waits is of the version that goes
         newest=follow.setup.at_horizon.init(), waiting=follow.setup.residual_filter.init(),
     )  # fmt: skip
+
+
+def told_anew(follow: Follow, state: TwinState) -> int:
+    """Row from which on a whole window behind what the challenger was tuned on tells it anew; 0: it
+    was told so itself, has another form, or no version has held yet, so that deviations ask for
+    more fits."""
+    new, old = (follow.versions[lane.version] for lane in (state.other, state.live))
+    again = state.agenda.commissioned and state.agenda.retell >= 0 and new.form == old.form
+    return new.row + follow.setup.window("retell") if again else 0
+
+
+def retells(state: TwinState) -> bool:
+    """Is it time for that? A deviation asks for a fit of its own."""
+    agenda, row = state.agenda, state.row
+    return 0 < agenda.retell <= row and row >= agenda.hold and not agenda.told
 
 
 def switched(follow: Follow, evidence: Mapping[str, Any], number: int) -> dict[str, Any]:

@@ -71,6 +71,8 @@ def in_doubt(decision: Decision, setup: Setup, content: Mapping[str, Any]) -> Ma
         if content.get("cleared") and driven(setup, decision.state.ring):
             _cleared(decision, setup)
         return {"events": []}  # what was said first was said by most rows from before
+    if channel and not over and agenda.phase == TRIAL and 0 < agenda.since <= agenda.start:
+        return {"events": []}  # what is on trial was learned beside rows from before
     before = agenda.accused
     again, accused = channel and channel == agenda.accused, "" if over else channel
     decision.remember(accused=accused if "fit" in content or channel else agenda.accused)

@@ -73,6 +73,7 @@ def against(content: Mapping[str, Any]) -> str:
 
 UNDONE = {
     "fit": "nothing could be tuned", "correct": "no correction could be sought",
+    "retell": "nothing could be told anew",
     "state": "no state could be sought", "refine": "a state could not be told better",
 }  # fmt: skip
 

@@ -9,21 +9,27 @@ those that act on outputs alone which are as they were, such as friction of othe
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any, TypeAlias
 
 import numpy as np
 
 from evertwin.gauges.gauge_rows import residual
+from evertwin.refit.companions import beside
+from evertwin.refit.physical import PASSIVE
 from evertwin.setup.evaluation import falls_short
 from evertwin.setup.setup import Setup
+from evertwin.signals.units import compatible
 from evertwin.tuning import Fit, Problem
 from evertwin.tuning.recordings import beginning
-from evertwin.types import Outputs, PerOutput
+from evertwin.types import Outputs, PerOutput, Vector
 
 Tune: TypeAlias = Callable[[Problem], tuple[Problem, Fit, dict[str, Any]]]
 MANY = 4
 """Numbers up to which each is tried alone: with more the answer comes late, a fit for each."""
+EITHER = 2.0
+"""So many times as far a number moves that may as well lie below zero: a bias is rarer than wear."""
 LITTLE = 0.05
 """Share of what is explained that counts as nothing: what all else leaves is the same for all."""
 
@@ -48,13 +54,27 @@ def fewest(setup: Setup, problem: Problem, fit: Fit, tune: Tune) -> tuple[Proble
     size = np.sqrt(_mean_square(start))
     size = np.where(size > 0.0, size, 1.0)
 
-    def off(one: Problem, values: np.ndarray) -> float:
+    def off(one: Problem, values: Vector) -> float:
         left = np.where(used, one.residuals(values), np.nan) / size
         return float(np.nansum(np.square(left)))
 
     whole, before = off(problem, fit.values), off(problem, problem.start)
     if not whole < before:  # all of them tell nothing
         return problem, fit
+    posed, found = _chosen(setup, problem, fit, tune, (off, whole, before))
+    left_out = tuple(name for name in names if name not in posed.names)
+    return posed, beside(posed, found, left_out, lambda one: tune(problem.tuning(one))[1])
+
+
+def _chosen(
+    setup: Setup, problem: Problem, fit: Fit, tune: Tune,
+    judged: tuple[Callable[[Problem, Vector], float], float, float],
+) -> tuple[Problem, Fit]:  # fmt: skip
+    """What of the problem's numbers is let go. ``judged``: what a fit is off by, with all of them,
+    and with none."""
+    off, whole, before = judged
+    begins = beginning(problem.model, problem.names)
+    names = tuple(name for name in problem.names if name not in begins)
     enough = whole + LITTLE * (before - whole)
     reached = not falls_short(setup, problem, fit)
     chosen = tuple[str, ...]()
@@ -102,6 +122,15 @@ def _mean_square(off: Outputs) -> PerOutput:
 
 
 def _moved(problem: Problem, fit: Fit, name: str) -> float:
-    """How far a number moves, of its size before."""
-    start, value = float(problem.start[problem.names.index(name)]), fit[name]
-    return abs(value - start) / max(abs(start), 1e-12 * abs(value), 1e-300)
+    """How far a number moves: of one that is above zero by how many times, as a logarithm; else of
+    the largest of its unit, such as an offset of the friction beside it."""
+    item, value = problem.parameters[name], fit[name]
+    start = float(problem.start[problem.names.index(name)])
+    if item.resists or (start > 0.0 and any(compatible(item.unit, one) for one in PASSIVE)):
+        return abs(math.log(value / start)) if min(value, start) > 0.0 else math.inf
+    alike = [
+        abs(float(one))
+        for other, one in zip(problem.names, problem.start, strict=True)
+        if problem.parameters[other].unit == item.unit
+    ]
+    return EITHER * abs(value - start) / max(*alike, 1e-12 * abs(value), 1e-300)

@@ -2,6 +2,7 @@
 
 ``state`` and ``refine``: what came or went as a named, reversible state. ``fit``: tune what may be
 tuned, then ask whether the parameters had moved (normal) or the form is wrong (abnormal).
+``retell``: tell anew, by more rows, what few had told.
 ``correct``: search for terms that make up for the form. Each may end in a candidate, which then has
 to prove itself on data that this work has not seen.
 """
@@ -48,6 +49,7 @@ from evertwin.refit.physical import embodied, passive
 from evertwin.refit.posterior import posterior
 from evertwin.refit.recovered import recovered
 from evertwin.refit.recursive_fit import Recursion
+from evertwin.refit.retold import retold
 from evertwin.refit.simplest import law_now
 from evertwin.refit.states import States, amount
 from evertwin.refit.told import known
@@ -101,8 +103,8 @@ class Work(Tuner):
             if task.windows and not own_starts(model, len(task.windows)):
                 rows = later(model, p, horizon, (known, task.windows))
                 task = task._replace(windows=rows)
-            if task.kind == "correct":
-                content = self.correct(task)
+            if task.kind in ("correct", "retell"):
+                content = self.correct(task) if task.kind == "correct" else retold(self, task)
             else:
                 task, content = self._stated(task)
                 content = content or (self.fit(task) if task.kind == "fit" else {})
@@ -156,8 +158,8 @@ class Work(Tuner):
             return content
         if (found := content.get("candidate")) is not None:
             unseen = after(task.windows, max(rival.row, content.get("since", rival.row)))
-            every = unseen if "since" in content else task.windows
-            rows = newer(unseen, self.setup.enough) or every
+            own = unseen if "since" in content else after(task.windows, found.get("told", 0))
+            rows = newer(unseen, self.setup.enough) or own
             new = left(self.setup, *self._made(task.version, found), rows, self.known)
             gain = MUCH if self._pays(task, rival, unseen) else self.setup.trial.margin
             if np.nanmean(new / self.left(rival, rows)) <= 1.0 - gain:
@@ -221,9 +223,7 @@ class Work(Tuner):
         if commissioned and not rounds:
             own = tuple(n for n in problem.names if n in model.parameters.names)
             problem, fit = newest(*tuned, partial(self.problem, version, names=own), self.tune)
-        rest = set(self.editable(version)).difference(
-            names, self.setup.once if commissioned else ()
-        )
+        rest = set(self.editable(version)) - {*names, *(self.setup.once if commissioned else ())}
         verdict = judged(self.setup, problem, fit, rest, rounds=bool(rounds))
         reached = verdict.kind != "abnormal" and self.holds(problem, fit.values)
         new = not (commissioned or verdict.alone or reached)
@@ -388,7 +388,7 @@ class Work(Tuner):
         """As an answer holds it; ``scale``: what counts as 1 in its trial, per output."""
         return {
             "form": form, "values": values, "scale": scale, "reason": reason,
-            "watched": self.watched(windows),
+            "watched": self.watched(windows), "told": windows[0].row if windows else 0,
         }  # fmt: skip
 
     def watched(self, windows: Windows) -> np.ndarray:

@@ -270,7 +270,7 @@ class Setup:
 
     def window(self, kind: str) -> int:
         """Newest rows that a kind of request looks at."""
-        if kind == "fit":  # what was found over a window is explained over all of it
+        if kind in ("fit", "retell"):  # what was found over a window is explained over all of it
             return max(self.rows(self.spec.tuning.window), self.enough)
         rule = self.spec.correction
         return self.rows(rule.window) * (BACK if rule.translated else 1)

@@ -37,7 +37,7 @@ class Task(NamedTuple):
     """
 
     kind: str
-    """``fit``, ``correct``; ``state``: a state alone; ``refine``: that of the version."""
+    """``fit``, ``retell``, ``correct``; ``state``: a state alone; ``refine``: the version's."""
     version: Version
     """What it starts from."""
     windows: Windows

@@ -99,6 +99,9 @@ class Agenda(NamedTuple):
     """Row at which its deviation was found to be a larger one; 0: not since the last fit."""
     rose: int = 0
     """Row from which on it is."""
+    retell: int = 0
+    """Row from which on a window tells anew what few rows told of a change; 0: nothing
+    waits; −1: that was asked, and what comes of it is not told again."""
     held: bool = False
     """Has the live version been found within the requirement?"""
     told: bool = False
