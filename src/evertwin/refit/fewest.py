@@ -29,7 +29,7 @@ Tune: TypeAlias = Callable[[Problem], tuple[Problem, Fit, dict[str, Any]]]
 MANY = 4
 """Numbers up to which each is tried alone: with more the answer comes late, a fit for each."""
 EITHER = 2.0
-"""So many times as far a number moves that may as well lie below zero: a bias is rarer than wear."""
+"""So many times as far a number that may lie below zero moves: a bias is rarer than wear."""
 LITTLE = 0.05
 """Share of what is explained that counts as nothing: what all else leaves is the same for all."""
 
