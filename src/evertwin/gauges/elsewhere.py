@@ -68,7 +68,8 @@ def elsewhere(rows: Rows) -> SensorChange | None:
     first = max(place for gain, place in by_range if gain >= NEARLY * most)
     out = _out(u, past, first, rows.seen)
     since, some = places >= max(first, by_time[1]), np.asarray(out.any(axis=1))
-    if not _only_there(squares[known], since[known], some[known]):
+    inside = known & ~(since | some)
+    if not (_only_there(squares[known], since[known], some[known]) and _held(rows, inside)):
         return None
     return SensorChange("", 1.0, (
         f"{OUTSIDE} before {called(rows.row(first))}: "
@@ -76,6 +77,15 @@ def elsewhere(rows: Rows) -> SensorChange | None:
         "the form does not hold there or the machine changed cannot be told from these rows; "
         "nothing is learned from them, and no sensor is blamed"
     ))  # fmt: skip
+
+
+def _held(rows: Rows, usual: Bools) -> bool:
+    """Was the version within what is asked on these rows? Else its range is not what is wrong."""
+    setup, off = rows.setup, rows.before[usual]
+    if len(off) < LEAST or not np.isfinite(setup.requirement):
+        return True
+    limit = setup.requirement * setup.sizes(rows.values[:, len(setup.model.inputs) :])
+    return not (np.sqrt(np.nanmean(np.square(off), axis=0)) > limit)[setup.watched].any()
 
 
 def _told(
