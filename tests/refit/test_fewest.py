@@ -10,7 +10,7 @@ import pytest
 
 from evertwin.config.spec import AnomalySpec, ModelSpec, TwinSpec
 from evertwin.fold import make_block
-from evertwin.models import FunctionModel, Parameters
+from evertwin.models import FunctionModel, Parameter, Parameters
 from evertwin.refit.fewest import fewest
 from evertwin.setup.setup import Setup
 from evertwin.signals import Layout
@@ -94,3 +94,25 @@ def test_numbers_of_which_none_explains_anything_alone_move_together() -> None:
         return posed, replace(solve(posed), values=posed.start + 1.0), {}
 
     assert fewest(SETUP, problem, whole, away) == (problem, whole)
+
+
+@pytest.mark.parametrize(("bias", "wears", "moves"), [(0.6, 1.0, "offset"), (0.0, 0.6, "Fc")])
+def test_a_bias_of_a_joint_that_hardly_turns_back_is_no_loss_of_its_friction(
+    bias: float, wears: float, moves: str
+) -> None:
+    """Friction that is nearly gone, though torques are read off by as much, is told by nothing."""
+    friction = Parameter("Fc", 0.54, "Nm", resists=True), Parameter("offset", -0.02, "Nm")
+    joint = FunctionModel(
+        lambda x, u, dt, p: ([], [p[0] * np.tanh(100.0 * u[0]) + p[1]]),
+        Layout.of(qd="rad/s"), Layout.of(tau="Nm"), parameters=Parameters(friction),
+    )  # fmt: skip
+    setup = Setup(TwinSpec("joint", ModelSpec("python"), anomaly=AnomalySpec(0.1)), joint)
+    for seed in SEEDS:
+        rng = np.random.default_rng(seed)
+        u = -rng.uniform(0.2, 1.0, (ROWS, 1))
+        u[:2] *= -1.0  # next to nothing tells them apart
+        y = wears * 0.54 * np.tanh(100.0 * u) - 0.02 + bias + rng.normal(0.0, 0.02, u.shape)
+        problem = Problem(joint, (make_block(t=np.arange(len(u)), u=u, y=y),))
+        both = np.linalg.lstsq(np.c_[np.sign(u), np.ones(ROWS)], y[:, 0])[0]
+        _, fit = fewest(setup, problem, replace(solve(problem), values=both), tuned)
+        assert fit.names == (moves,)

@@ -87,7 +87,7 @@ def _chosen(
             if found.converged and name in found.names and not found.at_bound:
                 left = off(posed, found.values)
                 if left < before:  # else it explains nothing
-                    tried.append((left, _moved(posed, found, name), name, posed, found))
+                    tried.append((left, _moved(problem, found, name), name, posed, found))
         if not tried:
             break
         least = min(left for left, *_ in tried)
