@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -15,7 +14,7 @@ from evertwin.fold import Block
 from evertwin.gauges.unlike import Changes, changes
 from evertwin.refit.physical import physically
 from evertwin.refit.work import Work
-from evertwin.tuning import Fit, Problem, solve, told_apart
+from evertwin.tuning import solve, told_apart
 from evertwin.types import ParameterVector, Vector
 
 BETTER = 0.5
@@ -30,18 +29,16 @@ def tuned(
     view: View, change: Callable[[Block], Block], rows: tuple[Block, ...] | None = None
 ) -> ParameterVector:
     """What the changed rows, else those that were judged, tune the numbers to; the version's where
-    they cannot be tuned. Of a static map only what they leave is asked, not which ones are told."""
+    they cannot be tuned. Of a static map only what they leave is asked."""
     work, p = Work(view.setup, view.versions), view.version.p
     windows = tuple(change(window) for window in view.spread(rows or view.judged))
     try:
         names = work.editable(view.version)
         problem = work.problem(view.version, windows, names)
         problem = replace(problem, settings=replace(problem.settings, quick=view.setup.static))
-
-        def tune(one: Problem) -> tuple[Fit, dict[str, Any]]:
-            return solve(one) if one.settings.quick else told_apart(one, solve(one)), {}
-
-        return physically(problem, tune)[0].p if names else p
+        return (
+            physically(problem, lambda one: (told_apart(one, solve(one)), {}))[0].p if names else p
+        )
     except (DataError, ModelError, UsageError):  # `look_tuning` says why
         return p
 

@@ -25,7 +25,7 @@ from evertwin.sources.tally import Tally
 
 MOST = 20_000
 """Rows that are tuned and compared on."""
-SPREAD, PIECES = 4_000, 8
+SPREAD, PIECES = 2_000, 8
 """Rows of a static map, which remembers nothing, and the stretches they are taken from: its numbers
 are tuned to them again and again."""
 FEW, FOLLOWED = 1_000, 10_000

@@ -34,8 +34,9 @@ from evertwin.rows.ring import refuse
 from evertwin.setup.deviation import new_sums
 from evertwin.setup.twin_state import PROBATION, TRIAL, WATCH, TwinState
 
-FEW = 5
-"""Segments that a challenger predicts at least before a better one is sought."""
+FEW, LONG = 5, 10
+"""Segments that a challenger of a long trial predicts at least before a better one is sought; a
+trial is long that takes more than so many times the least time of any."""
 PATIENT = 4
 """So many pauses from one fit to the next while a channel is in doubt."""
 
@@ -239,11 +240,13 @@ class Decide:
         return agenda.phase == PROBATION or agenda.risen > 0 or not self._fresh(state)
 
     def _fresh(self, state: TwinState) -> bool:
-        """Is a trial neither as long as it has to be, nor what is on trial tried on as many rows as
-        a deviation is judged on?"""
-        setup, segments = self.follow.setup, int(state.trial.tally[1])
+        """Is a trial neither as long as it has to be, nor a long one, and what is on trial tried on
+        as many rows as a deviation is judged on?"""
+        setup, gate, segments = self.follow.setup, self.follow.setup.trial, state.trial.tally[1]
         rows = state.row - self.follow.versions[state.other.version].row
-        return segments < setup.trial.least and (rows < setup.enough or segments < FEW)
+        few = rows < setup.enough or segments < FEW
+        short = gate.least * gate.horizon <= LONG * gate.duration
+        return bool(segments < gate.least and (few or short))
 
     def _ask(
         self, decision: Decision, kind: str, detail: Mapping[str, Any], rival: int = 0
@@ -261,9 +264,8 @@ class Decide:
         request = Request(number, kind, state.live.version, state.row, due, window, dict(detail))
         decision.requests.append(request)
         state.ring.seen[1] = state.ring.seen[0]
-        retell = {"retell": -1, "fit": 0}.get(kind, state.agenda.retell)
         decision.remember(
-            retell=retell,
+            retell={"retell": -1, "fit": 0}.get(kind, state.agenda.retell),
             open=number, due=due, start=window[0], stop=window[1], asked=number,
             kind=kind,
             rival=state.other.version if state.agenda.phase == TRIAL else rival,
@@ -319,7 +321,7 @@ class Decide:
             busy = follow.versions[state.other.version].row >= state.agenda.since  # of this machine
         if busy and "brief" not in candidate:
             return  # of a scheduled fit the numbers are kept
-        begins = opening(follow.setup, state, candidate)
+        begins = opening(follow, state, candidate)
         if begins.said:
             decision.say("superseded", "", begins.said, begins.evidence)
         former = candidate.get("version")
@@ -327,7 +329,7 @@ class Decide:
             candidate = {**candidate, "brief": KNOWN}  # the machine was like it time and again
         version = follow.versions.add(
             Form.from_json(candidate["form"]), candidate["values"], parent=state.live.version,
-            reason=str(candidate["reason"]), row=state.row,
+            reason=begins.reason, row=state.row,
         ) if former is None else follow.versions[former]  # fmt: skip
         # the running segment, which the champion has begun, is no prediction of the challenger's
         scores = state.scores._replace(scale=begins.scale, pair=np.full(3, np.nan))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -150,10 +151,11 @@ def goes_live(follow: Follow, state: TwinState, number: int, other: Any, first: 
 
 def told_anew(follow: Follow, state: TwinState) -> int:
     """Row from which on a whole window behind what the challenger was tuned on tells it anew; 0: it
-    was told so itself, has another form, or no version has held yet, so that deviations ask for
-    more fits."""
+    was told so itself, has another form, or more fits come anyway: by schedule, or since no version
+    has held yet."""
     new, old = (follow.versions[lane.version] for lane in (state.other, state.live))
     again = state.agenda.commissioned and state.agenda.retell >= 0 and new.form == old.form
+    again = again and not math.isfinite(follow.setup.spec.tuning.every)
     return new.row + follow.setup.window("retell") if again else 0
 
 

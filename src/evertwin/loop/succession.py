@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from evertwin.gauges.sensor_change import unmeasured
-from evertwin.ledger.caveats import SAME, SENSOR, caveats_of
+from evertwin.ledger.caveats import SAME, SENSOR, caveats_of, in_doubt_of
 from evertwin.loop.decision import Decision
-from evertwin.loop.follow import EMPTY
+from evertwin.loop.follow import EMPTY, Follow
 from evertwin.rows.ring import Rows, called
 from evertwin.setup.setup import Setup
 from evertwin.setup.twin_state import PROBATION, TRIAL, WATCH, TwinState
@@ -25,7 +25,7 @@ class Opening(NamedTuple):
     """How the trial of a candidate begins.
 
     >>> Opening._fields
-    ('trial', 'scale', 'tried', 'said', 'evidence')
+    ('trial', 'scale', 'tried', 'said', 'evidence', 'reason')
     """
 
     trial: GateState
@@ -36,25 +36,32 @@ class Opening(NamedTuple):
     said: str
     """Of the challenger that makes room; empty: there was none."""
     evidence: Mapping[str, Any]
+    reason: str
+    """Of the candidate; what would look the same as the challenger looks the same as it."""
 
 
-def opening(setup: Setup, state: TwinState, candidate: Mapping[str, Any]) -> Opening:
+def opening(follow: Follow, state: TwinState, candidate: Mapping[str, Any]) -> Opening:
     """The trial of a candidate: its own, or that of the challenger whose place it takes.
 
     A machine that goes on changing brings a better candidate before the one on trial has been
     tried to the end. Were each trial to begin anew, none would ever end.
     """
-    gate, agenda, scale = setup.trial, state.agenda, np.array(candidate["scale"], dtype=np.float64)
+    gate, agenda, reason = follow.setup.trial, state.agenda, str(candidate["reason"])
+    scale = np.array(candidate["scale"], dtype=np.float64)
     if agenda.phase != TRIAL:
-        return Opening(gate.init(), scale, state.elapsed, "", {})
+        return Opening(gate.init(), scale, state.elapsed, "", {}, reason)
     evidence = gate.verdict(state.trial)[1]
     said = f"version {state.other.version} makes room for a better candidate"
     states = agenda.brief >= 0.0 or "brief" in candidate  # these have a short test of their own
     trial = gate.init() if states else gate.passed_on(state.trial)
+    if not states:
+        old, new = follow.versions[state.other.version].reason, caveats_of(reason)
+        kept = [said for said in in_doubt_of(old) if not new.keys() & caveats_of(said).keys()]
+        reason = "; ".join(dict.fromkeys([reason, *kept]))
     if not trial.tally[1]:
-        return Opening(trial, scale, state.elapsed, said, evidence)
+        return Opening(trial, scale, state.elapsed, said, evidence, reason)
     said += f", which goes on with its trial: {evidence['sentence']}"
-    return Opening(trial, state.scores.scale, agenda.tried, said, evidence)
+    return Opening(trial, state.scores.scale, agenda.tried, said, evidence, reason)
 
 
 def in_doubt(decision: Decision, setup: Setup, content: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -71,8 +78,6 @@ def in_doubt(decision: Decision, setup: Setup, content: Mapping[str, Any]) -> Ma
         if content.get("cleared") and driven(setup, decision.state.ring):
             _cleared(decision, setup)
         return {"events": []}  # what was said first was said by most rows from before
-    if channel and not over and agenda.phase == TRIAL and 0 < agenda.since <= agenda.start:
-        return {"events": []}  # what is on trial was learned beside rows from before
     before = agenda.accused
     again, accused = channel and channel == agenda.accused, "" if over else channel
     decision.remember(accused=accused if "fit" in content or channel else agenda.accused)

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from evertwin.anomaly.verdict import explained
+from evertwin.ledger.caveats import in_doubt_of
 from evertwin.models.form import Version
-from evertwin.refit.answering import event
 from evertwin.refit.fewest import fewest
 from evertwin.refit.physical import embodied
 from evertwin.refit.simplest import law_now
@@ -51,9 +51,11 @@ def retold(work: Work, task: Task) -> dict[str, Any]:
     if not (_beyond(problem, fit) and explained(fit, fit.noise) >= margin):
         return {"events": []}
     rows = sum(len(block.t) for block in windows)
-    said = f"what few rows told is told anew by {rows} rows from {called(windows[0].row)} on"
-    events = [event("normal", "", said, {"rows": rows, "first": windows[0].row})]
+    said, events = f"told anew by {rows} rows from {called(windows[0].row)} on", list[Any]()
     found = work.tuned(version, problem, fit, windows, events)
+    if found is not None:  # what looked the same goes on to do so
+        reasons = [found["reason"], said, *in_doubt_of(version.reason)]
+        found |= {"reason": "; ".join(dict.fromkeys(reasons))}
     return {"events": events, "fit": fit.to_dict(timing=False), "candidate": found}
 
 

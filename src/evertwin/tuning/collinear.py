@@ -98,7 +98,7 @@ def _alike(problem: Problem, fit: Fit) -> list[Alike]:
     word = "collinear: only" if dynamic else "collinear"
     refused = np.array([one.startswith(word) if dynamic else word in one for one in fit.reasons])
     near = np.array([0.0 < part < NEAR for part, _ in told]) & ~refused
-    if not (dynamic or refused.any()) and near.any():
+    if not (dynamic or refused.any() or problem.settings.quick) and near.any():
         wrong = wrong_outputs(problem, fit, np.asarray(acting.acts[:, near].any(axis=1)))
         refused = near & acting.acts[wrong].any(axis=0)
     mine = [k for k in order.tolist() if refused[k] and told[k][1] >= 0]
@@ -134,7 +134,10 @@ def _whole(problem: Problem, fit: Fit, found: Fit, stays: Mapping[str, Alike]) -
     for j, place in enumerate(at.tolist()):
         verdict[place], reasons[place] = found.verdict[j], found.reasons[j]
     for name, alike in stays.items():
-        place, needs = fit.names.index(name), _needs(problem, alike)
+        place, needs = (
+            fit.names.index(name),
+            "" if problem.settings.quick else _needs(problem, alike),
+        )
         reasons[place] = (
             f"collinear: on these rows {alike.beside} acts like it (all but {100 * alike.part:.2g} "
             f"%), so it stays as it was; {needs}"

@@ -52,7 +52,7 @@ class Settings:
     """Names and values that the search begins with; the others begin as the problem says."""
     quick: bool = False
     """Of a hypothesis only what it leaves is asked: neither what the noise of measured starts does
-    to the numbers, which takes longer than the search, nor what would help one that is not told."""
+    to the numbers, which takes longer than the search, nor which form would be the right one."""
     far: Far | None = None
     """Where differences are simulated; absent: in this process, in threads where they pay."""
 
