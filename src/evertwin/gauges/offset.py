@@ -155,6 +155,8 @@ def _constant(
     both = {s: _sized(rows, (k, s), by, scored, leap) for _, j, by, s in found if j == k}
     alike = max(one.left for one in both.values()) <= ALIKE * both[scaled].left
     both = both if alike else {scaled: both[scaled]}
+    if not leap and all(abs(one.size) <= SIDES * one.error for one in both.values()):
+        return None  # as far as the rows tell, it is off by nothing
     size, what = _told(rows, channel, both, rows.values[scored, k])
     known = (
         f"{channel.name} looks off by {size} from {row}{until}: as {what} of its sensor "
