@@ -10,7 +10,7 @@ import pytest
 
 from evertwin import Twin
 from evertwin.anomaly import external_loop
-from evertwin.config.spec import AnomalySpec, CorrectionSpec, Span, TuningSpec
+from evertwin.config.spec import AnomalySpec, CorrectionSpec, PredictionSpec, Span, TuningSpec
 from evertwin.fold import Answer, Event, Request, copy, make_block
 from evertwin.ledger.versions import Versions
 from evertwin.loop.driver import Driver
@@ -148,14 +148,20 @@ def test_a_deviation_beside_a_trial_asks_for_what_surpasses_the_challenger() -> 
     assert (later.state.agenda.phase, later.state.other.version) == (TRIAL, 2)
 
 
-def test_a_challenger_is_surpassed_where_a_whole_window_behind_it_deviates() -> None:
-    bench = Bench(anomaly=AnomalySpec(requirement=1e-12, relative=False, window=Span(10)))
+@pytest.mark.parametrize(("horizon", "asked"), [(5.0, []), (60.0, ["fit"])])
+def test_a_challenger_of_a_long_trial_is_surpassed_where_a_window_behind_it_deviates(
+    horizon: float, asked: list[str]
+) -> None:
+    bench = Bench(
+        anomaly=AnomalySpec(requirement=1e-12, relative=False, window=Span(10)),
+        prediction=PredictionSpec(horizon=horizon),
+    )
     state = bench.challenger(TRIAL)
     bench.setup.trial.step(state.trial, losses(1.2, 1.0, 6))
     assert bench.setup.trial.least > 6
     done = bench.beat(deviating(bench, state))
-    assert [request.kind for request in done.requests] == ["fit"]
-    assert (done.state.agenda.phase, done.state.agenda.rival) == (TRIAL, 1)
+    assert [request.kind for request in done.requests] == asked
+    assert (done.state.agenda.phase, done.state.agenda.rival) == (TRIAL, len(asked))
 
 
 @pytest.mark.parametrize("commissioned", [True, False])

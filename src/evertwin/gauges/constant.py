@@ -22,6 +22,8 @@ FEW_BLOCKS = 1.12
 """So many times larger are the sides of a number that so few blocks tell."""
 ROUNDS = 2
 """Steps towards it: it need not be small."""
+SIDES = 1.96
+"""Standard errors on either side of a number that nearly always hold it."""
 STEP = 0.01
 """Share of a constant by which it is varied."""
 
@@ -42,6 +44,11 @@ class Constant(NamedTuple):
     """Standard error."""
     left: float
     """Squares that are left on the rows that it is of."""
+
+    @property
+    def told(self) -> bool:
+        """Is it surely something?"""
+        return abs(self.size) > SIDES * self.error
 
 
 def beside(rows: Rows, one: Column, shift: float, seen: Bools) -> Constant:

@@ -21,7 +21,7 @@ from evertwin.errors import TooFew
 from evertwin.fold import Mark
 from evertwin.gauges import in_words
 from evertwin.gauges.change import split
-from evertwin.gauges.constant import BLOCKS, Column, Constant, beside, left_with
+from evertwin.gauges.constant import BLOCKS, SIDES, Column, Constant, beside, left_with
 from evertwin.gauges.elsewhere import elsewhere
 from evertwin.gauges.gauge_rows import LEAST, Rows, residual, unchanged
 from evertwin.gauges.input_shift import of_inputs, shifted_inputs
@@ -54,8 +54,6 @@ AT_ONCE = 1e-9
 """Horizon [s] of predictions from each row to the next."""
 SHARE = 0.1
 """What a share is tried with, where nothing leapt by a known size."""
-SIDES = 1.96
-"""Standard errors on either side of a number that nearly always hold it."""
 TRIED = 100
 """Rows before a leap on which is tried how far the model misses without one."""
 
@@ -113,15 +111,15 @@ def _constant(
     Raises:
         TooFew: it leapt, and is off by about that, on rows that are too few to tell.
     """
-    scored = rows.scored(rows.since) & (np.arange(rows.count) < rows.stop)
+    at = np.arange(rows.count)
+    scored = rows.scored(rows.since) & (at < rows.stop)
     places = np.flatnonzero(scored)
     if len(places) < 2 * LEAST:
         if leap:
             _wait(rows, columns, leap, scored)
         return None
     cut = int(places[round(FIRST * len(places))])
-    seen, unseen = scored.copy(), scored.copy()
-    seen[cut:], unseen[:cut] = False, False
+    seen, unseen = scored & (at < cut), scored & (at >= cut)
     found = [
         (left, k, shift, scaled)
         for k, scaled in columns
@@ -144,7 +142,6 @@ def _constant(
     near = scaled and rows.total(left, unseen) <= ALIKE * rows.total(rival, unseen)
     if lead < -SURE and not (leap or near):
         return None
-    at = np.arange(rows.count)
     grown = np.maximum(at - rows.since, 0)[:, None] / rows.count
     if not leap and _lead(rows, left, rows.growing(grown, at < cut), places) < -SURE:
         return None  # it goes on changing, as no constant does
@@ -155,8 +152,8 @@ def _constant(
     both = {s: _sized(rows, (k, s), by, scored, leap) for _, j, by, s in found if j == k}
     alike = max(one.left for one in both.values()) <= ALIKE * both[scaled].left
     both = both if alike else {scaled: both[scaled]}
-    if not leap and all(abs(one.size) <= SIDES * one.error for one in both.values()):
-        return None  # as far as the rows tell, it is off by nothing
+    if not (leap or any(one.told for one in both.values())):
+        return None
     size, what = _told(rows, channel, both, rows.values[scored, k])
     known = (
         f"{channel.name} looks off by {size} from {row}{until}: as {what} of its sensor "
