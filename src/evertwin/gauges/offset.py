@@ -139,8 +139,8 @@ def _constant(
         return None
     places = np.flatnonzero(unseen)
     lead = _lead(rows, left, rival, places)
-    near = scaled and rows.total(left, unseen) <= ALIKE * rows.total(rival, unseen)
-    if lead < -SURE and not (leap or near):
+    near = leap or (scaled and rows.total(left, unseen) <= ALIKE * rows.total(rival, unseen))
+    if lead < -SURE and not near:
         return None
     grown = np.maximum(at - rows.since, 0)[:, None] / rows.count
     if not leap and _lead(rows, left, rows.growing(grown, at < cut), places) < -SURE:
@@ -168,10 +168,8 @@ def _constant(
             rows.refused((channel.name,), rows.since, stop), lasts,
         )  # fmt: skip
     why = "and no number of the model makes it leap so" if leap else "and tuning no less"
-    return SensorChange(channel.name, 1.0, (
-        f"{known}{why}: sensor or machine, that cannot be told from these rows; "
-        "nothing is learned until it can"
-    ), None, lasts)  # fmt: skip
+    said = f"{known}{why}: sensor or machine, that cannot be told from these rows; "
+    return SensorChange(channel.name, 1.0, f"{said}nothing is learned until it can", None, lasts)
 
 
 def _told(
