@@ -24,6 +24,8 @@ ROUNDS = 2
 """Steps towards it: it need not be small."""
 SIDES = 1.96
 """Standard errors on either side of a number that nearly always hold it."""
+VAGUE = 3.0
+"""Sides of so many times its size say nothing of a constant."""
 STEP = 0.01
 """Share of a constant by which it is varied."""
 
@@ -47,8 +49,8 @@ class Constant(NamedTuple):
 
     @property
     def told(self) -> bool:
-        """Is it surely something?"""
-        return abs(self.size) > SIDES * self.error
+        """Do its sides say anything of it, wide as they are beside all of the machine's numbers?"""
+        return VAGUE * abs(self.size) > SIDES * self.error
 
 
 def beside(rows: Rows, one: Column, shift: float, seen: Bools) -> Constant:
