@@ -26,12 +26,13 @@ LINE = FunctionModel(
 
 
 def said(seed: int, *, more: float = 0.0, bent: float = 0.0, gain: float = 1.0,
-         strays: float = 0.0, seen: float = 0.0) -> str:  # fmt: skip
-    """What is told of a load that is ``more`` from AT on, of a machine that is ``bent`` beyond its
-    range and has another ``gain`` since; the room strays all the while. Before the rows that are
-    kept the load had been as large as ``seen``."""
+         strays: float = 0.0, seen: float = 0.0, later: int = 0) -> str:  # fmt: skip
+    """What is told of a load that is ``more`` from AT on, or so many rows ``later``, of a machine
+    that is ``bent`` beyond its range and has another ``gain`` since AT; the room strays all the
+    while. Before the rows that are kept the load had been as large as ``seen``."""
     rng, late = np.random.default_rng(seed), np.arange(ROWS) >= AT
-    load = np.repeat(rng.uniform(1.0, 5.0, ROWS // 20), 20) + more * late
+    load = np.repeat(rng.uniform(1.0, 5.0, ROWS // 20), 20)
+    load += more * (np.arange(ROWS) >= AT + later)
     room: Vector = 293.0 + strays * np.linspace(-1.0, 1.0, ROWS) + rng.normal(0.0, 0.05, ROWS)
     power = 2.0 * load * np.where(late, gain, 1.0) + bent * np.maximum(load - 5.0, 0.0) ** 2
     y = (power + 0.1 * room + rng.normal(0.0, 0.1, ROWS))[:, None]
@@ -71,3 +72,8 @@ def test_where_the_inputs_had_been_before_the_kept_rows_a_machine_changed() -> N
     assert all(said(seed, more=8.0, gain=1.3) for seed in SEEDS)
     assert not any(said(seed, more=8.0, gain=1.3, seen=14.0) for seed in SEEDS)
     assert all("above 6" in said(seed, more=8.0, gain=1.3, seen=6.0) for seed in SEEDS)
+
+
+def test_a_machine_that_changed_before_it_went_elsewhere_is_one() -> None:
+    """Rows in between are off as well, inside the range."""
+    assert not any(said(seed, more=14.0, gain=1.3, later=50) for seed in SEEDS)

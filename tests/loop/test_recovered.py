@@ -156,3 +156,19 @@ def test_a_machine_that_alternates_is_told_and_not_learned_anew(
     known = [e.row % period for e in switches if e.row > said[0].row]
     assert len(known) >= 5 and max(known) <= period // 2, known
     assert not [e for e in result.of_kind("tuned") if e.row > said[0].row + period]
+
+
+def test_a_version_that_is_back_is_known_before_a_change_is() -> None:
+    """Inputs go where they had not been of late: whether the machine changed no fit can tell."""
+    rng, n = np.random.default_rng(0), 12000
+    at = np.arange(n)
+    size = np.where(at < 9000, 1.0, 0.3)
+    u = size * (2.5 + np.sin(at * 0.07) + np.sin(at * 0.031))
+    gain = np.select([at < 3000, at < 6000, at < 9000], [1.1, 1.9, 0.7], 1.9)
+    rows = {"t": at * 0.01, "u": u, "y": gain * u + 0.01 * rng.normal(size=n)}
+    with twin() as axis_twin:
+        axis_twin.run(rows)
+        events = [e for e in axis_twin.events if e.row > 9000]
+    first = next(e for e in events if e.kind == "normal")
+    assert "again as at version 2" in first.reason, [(e.row, e.kind, e.reason) for e in events]
+    assert abs(int(first.reason.rpartition(" ")[2]) - 9000) <= 5 and first.row < 9300

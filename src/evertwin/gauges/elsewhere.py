@@ -67,7 +67,7 @@ def elsewhere(rows: Rows) -> SensorChange | None:
         return None
     first = max(place for gain, place in by_range if gain >= NEARLY * most)
     out = _out(u, past, first, rows.seen)
-    since, some = places >= max(first, by_time[1]), np.asarray(out.any(axis=1))
+    since, some = places >= min(first, by_time[1]), np.asarray(out.any(axis=1))
     inside = known & ~(since | some)
     if not (_only_there(squares[known], since[known], some[known]) and _held(rows, inside)):
         return None

@@ -8,18 +8,23 @@ its trial then tells on rows that nobody has seen.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from evertwin.gauges.change import split
+from evertwin.gauges.gauge_rows import unchanged
 from evertwin.gauges.sensor_change import unmeasured
 from evertwin.models.form import Version
 from evertwin.refit.answering import event
+from evertwin.refit.tuner import ENOUGH
+from evertwin.rows.ring import called
 from evertwin.setup.evaluation import scale_of, sizes
 from evertwin.setup.task import Task, Windows
 from evertwin.trial import Recovery
+from evertwin.tuning import Problem
 
 if TYPE_CHECKING:
     from evertwin.refit.work import Work
@@ -29,42 +34,65 @@ ALIKE = 1.2
 
 
 @unmeasured()
-def recovered(
-    work: Work, task: Task, windows: Windows, events: list[dict[str, Any]]
-) -> dict[str, Any] | None:
-    """The content of an answer with the former version that is nearest to the machine; None: none
-    is within the requirement, off by half of what the live one is off by, or less, and by hardly
-    more than what is tuned to these rows.
+def recovered(work: Work, task: Task) -> dict[str, Any] | None:
+    """The content of an answer with the former version that is nearest to the machine since it is
+    so; None: none is within the requirement, off by half of what the live one is off by, or less,
+    and by hardly more than what is tuned to these rows.
 
     Args:
         work: what poses the problems.
         task: what is asked for.
-        windows: the rows of the machine as it is now.
-        events: what the answer says so far.
     """
-    if not (windows and task.former):
+    if not (task.windows and task.former):
         return None
-    names = work.editable(task.version)
-    live, least, found = work.left(task.version, windows), 1.0 - Recovery().margin, None
-    rows = sum(len(block.t) for block in windows)
-    slack = math.sqrt(max(work.setup.enough / rows, 1.0))  # few rows refute nothing
+    names, on = work.editable(task.version), work.setup.watched
+    whole = work.problem(task.version, task.windows, names)
+    least, found = 1.0 - Recovery().margin, None
     for old in task.former:
-        posed = work.problem(old, windows, work.editable(old))
-        share = float(np.nanmean(work.left(old, windows) / live))
-        if share <= least and work.holds(posed, posed.start, slack):
-            least, found = share, (old, posed)
+        since = _since(work, whole, work.problem(old, task.windows, work.editable(old)))
+        for windows in (since, task.windows):
+            if not _enough(work, windows, names):
+                continue
+            rows = sum(len(block.t) for block in windows)
+            slack = math.sqrt(max(work.setup.enough / rows, 1.0))  # few rows refute nothing
+            left = work.left(old, windows) / work.left(task.version, windows)
+            share = float(np.nanmean(left[on]))
+            posed = work.problem(old, windows, work.editable(old))
+            if share <= least and work.holds(posed, posed.start, slack):
+                least, found = share, (old, posed, windows, float(np.nanmean(left)))
     if found is None:
         return None
-    old, posed = found
+    old, posed, windows, in_all = found
     now = work.problem(task.version, windows, names)
-    if least > ALIKE * _tuned(work, task.version, windows, names):
+    if in_all > ALIKE * _tuned(work, task.version, windows, names):
         return None
     before, after = sizes(work.setup, now, now.start), sizes(work.setup, posed, posed.start)
     said = f"the machine is again as at version {old.number}, as after a repair"
     numbers = dict(zip(old.names, old.values, strict=True))
     candidate = work.candidate(old.form, numbers, scale_of(before, after), said, windows)
     told = {"version": old.number, "share": least}
-    return {"events": [*events, event("normal", "", said, told)], "candidate": candidate | told}
+    said += f", since {called(windows[0].row)}"
+    return {
+        "events": [event("normal", "", said, told)], "candidate": candidate | told,
+        "since": windows[0].row,
+    }  # fmt: skip
+
+
+def _since(work: Work, live: Problem, old: Problem) -> Windows:
+    """The rows from which on an ``old`` version does better than the live one, summed over all."""
+    first, second = (np.square(unchanged(one))[:, work.setup.watched] for one in (live, old))
+    gain = np.nansum((first - second) / np.nanmean(first, axis=0), axis=1)
+    return split(live.windows, 1 + int(np.argmin(np.cumsum(gain))))[1]
+
+
+def _enough(work: Work, windows: Windows, names: Sequence[str]) -> bool:
+    """Are these rows enough to tune, and as many predictions as one that comes back is weighed
+    on?"""
+    rows = sum(len(block.t) for block in windows)
+    seconds = sum(float(block.t[-1] - block.t[0]) * 1e-9 for block in windows)
+    ahead = work.setup.horizon if not work.setup.static else 0.0
+    least = Recovery().segments * ahead if math.isfinite(ahead) else 0.0
+    return rows >= ENOUGH * len(names) and seconds >= least
 
 
 def _tuned(work: Work, version: Version, windows: Windows, names: tuple[str, ...]) -> float:

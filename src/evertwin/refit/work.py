@@ -205,12 +205,12 @@ class Work(Tuner):
             return {"events": [], "next": self._next()}
         version = self.begun(version, windows) if task.held else version
         task = task._replace(version=version)
+        if was := recovered(self, task):
+            return was
         windows, events = self.now(task, version, names)
         since = {"since": windows[0].row} if windows is not task.windows else {}
         model = self.versions.model_of(version.form)
         rows = self.setup, model, version.p, windows
-        if was := recovered(self, task, windows, events):
-            return was | since
         other, few = at_once(rows, task.windows) if commissioned else (None, None)
         if other:
             return of_a_sensor(other, *events) | since
