@@ -38,6 +38,7 @@ class _Lanes(NamedTuple):
 class _Scores(NamedTuple):
     watch: Sums
     seen: np.ndarray
+    past: np.ndarray
     usual: Usual
     scale: np.ndarray
 

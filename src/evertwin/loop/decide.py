@@ -31,7 +31,7 @@ from evertwin.loop.unanswered import unanswered
 from evertwin.models.form import Form
 from evertwin.refit.states import tried
 from evertwin.rows.ring import refuse
-from evertwin.setup.deviation import new_sums
+from evertwin.setup.scores import judged_anew, mark
 from evertwin.setup.twin_state import PROBATION, TRIAL, WATCH, TwinState
 
 FEW, LONG = 5, 10
@@ -134,14 +134,14 @@ class Decide:
     def _watch(self, decision: Decision, task_end: bool) -> None:
         state, setup = decision.state, self.follow.setup
         about = looks(setup, state)
+        mark(tuple(state.scores.watch), state.scores.seen, state.scores.past, setup.enough)
         reason, signal, evidence = deviates(setup, state, task_end)
         alarm, state = heard(setup, state, whole=reason is not None)
         decision.state = state
         state = rises(decision, setup, whole=reason is not None)
         if reason is not None:
-            watch, seen = new_sums(len(state.scores.watch.samples)), np.zeros(1, dtype=np.int64)
-            scores = state.scores._replace(watch=watch, seen=seen)
-            decision.state = state._replace(scores=scores)
+            scores = judged_anew(decision.state.scores, held=not reason)
+            decision.state = decision.state._replace(scores=scores)
             decision.remember(look=0, pace=0)
         detect, failed = setup.detect.beat(decision.state.detect, task_end)
         decision.state = decision.state._replace(detect=detect)

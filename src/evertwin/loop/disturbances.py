@@ -16,7 +16,7 @@ from evertwin.loop.contacts import in_words, kept_out, place_in_words, recurring
 from evertwin.loop.decision import Decision
 from evertwin.models.batch import mapped
 from evertwin.setup.detectors import Alarm
-from evertwin.setup.deviation import new_sums
+from evertwin.setup.scores import judged_anew
 from evertwin.setup.setup import Setup
 from evertwin.types import Inputs, Stamps, Vector
 
@@ -139,10 +139,8 @@ def _beside(
 def forget(decision: Decision) -> None:
     """The deviation since it was last judged, and what waits to be told of it, are of rows that do
     not count."""
-    scores = decision.state.scores
-    watch, seen = new_sums(len(scores.watch.samples)), np.zeros(1, dtype=np.int64)
     decision.state = decision.state._replace(
-        scores=scores._replace(watch=watch, seen=seen),
+        scores=judged_anew(decision.state.scores),
         detect=decision.state.detect._replace(pending=Alarm(), risen=Rise()),
     )
 
@@ -154,6 +152,7 @@ def unlearn(decision: Decision, setup: Setup) -> None:
         return
     for column in scores.watch:
         column[scores.spoiled] = 0
+    scores.past[..., scores.spoiled] *= 0.0
     decision.state.newest.values.reshape(4, -1)[:, scores.spoiled] = np.nan
     names = [name for name, off in zip(setup.model.outputs.names, scores.spoiled) if off]
     if detect.pending.signal in names:

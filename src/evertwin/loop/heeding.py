@@ -8,14 +8,12 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from evertwin.fold import Event
 from evertwin.loop.decision import Decision
 from evertwin.loop.follow import EMPTY, Follow
 from evertwin.rows.ring import called
 from evertwin.setup.detectors import Alarm
-from evertwin.setup.deviation import new_sums
+from evertwin.setup.scores import judged_anew
 from evertwin.setup.twin_state import TRIAL, WATCH, TwinState
 
 
@@ -67,9 +65,7 @@ def _mistaken(follow: Follow, decision: Decision, told: Any) -> list[str]:
 
 def _left_out(follow: Follow, decision: Decision, rows: tuple[int, int]) -> list[str]:
     count = follow.setup.ring.leave_out(decision.state.ring, *rows)
-    scores = decision.state.scores
-    watch, seen = new_sums(len(scores.watch.samples)), np.zeros(1, dtype=np.int64)
-    decision.state = decision.state._replace(scores=scores._replace(watch=watch, seen=seen))
+    decision.state = decision.state._replace(scores=judged_anew(decision.state.scores))
     span = f"{called(rows[0])} to {called(rows[1])}"
     if not count:
         return [f"{span} are kept no longer: no fit looks at them"]

@@ -92,4 +92,4 @@ def _decisions(setup: Setup) -> None:
     scores = new_scores(usual, np.zeros(2, dtype=np.int64), 0, np.ones(ny))
     scores.seen[0] = 1
     outputs = np.ones(ny, dtype=np.bool_)
-    exceeds(scores.watch, scores.seen, scores.usual, NEVER._replace(outputs=outputs))
+    exceeds(scores.watch, scores.seen, scores.past, scores.usual, NEVER._replace(outputs=outputs))

@@ -17,6 +17,9 @@ from evertwin.setup.released import Released
 from evertwin.setup.twin_state import Scores
 from evertwin.types import Bool, Int64
 
+PARTS = 8
+"""Parts of a window at whose ends is kept what its rows come to: a window ends anywhere."""
+
 
 def new_scores(usual: Usual, updates: np.ndarray, row: int, scale: np.ndarray) -> Scores:
     """Empty scores, as at the start and at each change of champion."""
@@ -24,8 +27,27 @@ def new_scores(usual: Usual, updates: np.ndarray, row: int, scale: np.ndarray) -
     watch, live, first, live_moving, first_moving = (new_sums(outputs) for _ in range(5))
     return Scores(
         watch, live, first, live_moving, first_moving, updates, row, np.zeros(1, np.int64),
-        np.zeros(outputs, dtype=np.bool_), np.zeros(3), np.zeros(3), scale, usual,
+        no_past(outputs), np.zeros(outputs, dtype=np.bool_), np.zeros(3), np.zeros(3), scale, usual,
     )  # fmt: skip
+
+
+def no_past(outputs: int) -> np.ndarray:
+    """Nothing is known of rows before those since the deviation was last judged."""
+    past = np.zeros((2, PARTS, 3, outputs))
+    past[0, 1:] = np.nan
+    return past
+
+
+def judged_anew(scores: Scores, *, held: bool = False) -> Scores:
+    """Scores whose deviation is judged on the rows to come; beside those before, if these were
+    within what is asked."""
+    outputs = len(scores.watch.samples)
+    past = no_past(outputs)
+    if held:
+        past = scores.past.copy()
+        end(tuple(scores.watch), past)
+    seen = np.zeros(1, dtype=np.int64)
+    return scores._replace(watch=new_sums(outputs), seen=seen, past=past)
 
 
 class Watch(NamedTuple):
@@ -55,48 +77,81 @@ class Watch(NamedTuple):
         if max(scores.watch.samples.tolist(), default=0) < min(self.least, self.rows):
             return False
         whole = int(scores.seen[0]) >= self.rows
-        early = self.held and exceeds(scores.watch, scores.seen, scores.usual, self)
+        early = self.held and exceeds(scores.watch, scores.seen, scores.past, scores.usual, self)
         return whole or bool(early)
 
 
 @njit(cache=True)
-def exceeds(sums: Any, seen: Any, usual: Any, watch: Any) -> bool:
+def mark(sums: Any, seen: Any, past: Any, rows: int) -> None:
+    """Keeps what the rows of a window come to, where a part of it has just ended."""
+    part = min(seen[0] * PARTS // rows, PARTS - 1)
+    if past[0, part, 2, 0] != past[0, part, 2, 0]:
+        past[0, part, 0], past[0, part, 1], past[0, part, 2] = sums
+
+
+@njit(cache=True)
+def end(sums: Any, past: Any) -> None:
+    """The window has ended: what is kept is what came behind each of its parts."""
+    residual, measured, samples = sums
+    known = PARTS  # the part that ended next
+    for part in range(PARTS - 1, -1, -1):
+        if past[0, part, 2, 0] == past[0, part, 2, 0]:
+            known = part
+        past[1, part] = 0.0
+        if known < PARTS:
+            past[1, part, 0] = residual - past[0, known, 0]
+            past[1, part, 1] = measured - past[0, known, 1]
+            past[1, part, 2] = samples - past[0, known, 2]
+    past[0, 1:] = np.nan
+
+
+@njit(cache=True)
+def exceeds(sums: Any, seen: Any, past: Any, usual: Any, watch: Any) -> bool:
     """Is an output off by more than the limit, and more than noise makes it, over the rows of a
-    window, were those perfect that have not come yet?"""
+    window: were those perfect that have not come yet, or with those before, if it is now, too?"""
     residual, _, samples = sums
     whole = max(1.0, watch.rows / seen[0])
+    part = -(-seen[0] * PARTS // watch.rows)
     for k in range(samples.shape[0]):
         if watch.outputs[k] and samples[k] > 0:
             base = mean_square(k, sums, usual) if watch.relative else 1.0
             limit = max(watch.limit * watch.limit * base, usual[6][k] * usual[6][k])
             if residual[k] > limit * samples[k] * whole:
                 return True
+            if part < PARTS and past[1, part, 2, k] > 0.0 and residual[k] > limit * samples[k]:
+                before = past[1, part]
+                rows = seen[0] + watch.rows * (PARTS - part) / PARTS
+                more = limit * (samples[k] + before[2, k]) * max(1.0, watch.rows / rows)
+                if residual[k] + before[0, k] > more:
+                    return True
     return False
 
 
 @njit(cache=True)
-def judged(sums: Any, seen: Any, usual: Any, watch: Watch) -> bool:
+def judged(sums: Any, seen: Any, past: Any, usual: Any, watch: Watch) -> bool:
     """May the twin go on? Then sums that were enough to say so begin anew."""
     residual, measured, samples = sums
+    mark(sums, seen, past, watch.rows)
     if samples.max() < min(watch.least, watch.rows) or not np.isfinite(watch.limit):
         return True
-    if (watch.held or seen[0] >= watch.rows) and exceeds(sums, seen, usual, watch):
+    if (watch.held or seen[0] >= watch.rows) and exceeds(sums, seen, past, usual, watch):
         return False
     if seen[0] >= watch.rows:
+        end(sums, past)
         residual[:], measured[:], samples[:], seen[:] = 0.0, 0.0, 0, 0
     return True
 
 
 @njit(cache=True)
 def _accumulate(
-    number: Any, rows: Any, sums: Any, seen: Any, usual: Any, losses: Any, watch: Watch
+    number: Any, rows: Any, sums: Any, seen: Any, past: Any, usual: Any, losses: Any, watch: Watch
 ) -> tuple[int, int, int]:
     measured, live, first, other, moving, end, outside = rows
     pair, back, scale, pairs = losses
     count, beat, earlier = 0, 0, 0
     for i in range(live.shape[0]):
         while beat < watch.beats.shape[0] and watch.beats[beat] <= number[i]:
-            if not judged(sums[0], seen, usual, watch):
+            if not judged(sums[0], seen, past, usual, watch):
                 return count, earlier, beat
             beat += 1
         seen[0] += 1
@@ -132,7 +187,7 @@ def _accumulate(
         if end[i]:
             pair[:], back[:] = 0.0, 0.0
     while beat < watch.beats.shape[0]:
-        if not judged(sums[0], seen, usual, watch):
+        if not judged(sums[0], seen, past, usual, watch):
             return count, earlier, beat
         beat += 1
     return count, earlier, -1
@@ -155,7 +210,7 @@ def accumulate(
     pairs = np.empty((len(rows.end), 5))
     sums = (scores.watch, scores.live, scores.first, scores.live_moving, scores.first_moving)
     count, earlier, stop = _accumulate(
-        rows.row, rows[3:], tuple(tuple(s) for s in sums), scores.seen,
+        rows.row, rows[3:], tuple(tuple(s) for s in sums), scores.seen, scores.past,
         tuple(scores.usual), (scores.pair, scores.back, scores.scale, pairs), watch,
     )  # fmt: skip
     return scores, pairs[:count, :2], pairs[:earlier, 2:], stop

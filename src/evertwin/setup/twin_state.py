@@ -54,6 +54,9 @@ class Scores(NamedTuple):
     """Row since which ``live`` and ``first`` count."""
     seen: np.ndarray
     """Rows since the deviation was last judged, int64 (1,)."""
+    past: np.ndarray
+    """Of parts of these rows what those up to each come to, as ``watch`` has it, NaN: it has not
+    ended; and of those judged last what those behind each came to; (2, parts, 3, ny)."""
     spoiled: np.ndarray
     """Outputs with rows among these of a fault that was found out later, bool (ny,)."""
     pair: np.ndarray
