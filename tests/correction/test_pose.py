@@ -149,7 +149,7 @@ def test_a_line_has_no_pose_to_be_off() -> None:
         Corrected(Robot1D(), (Term("lever", "*"),))
 
 
-@pytest.mark.parametrize("omni", [False, True])
+@first_of("omni", [True, False])
 def test_a_run_names_it_and_the_doctor_did_before(omni: bool) -> None:
     u, y = driven(Base((0.2, 0.06), (0.05, -0.04)), 3, omni)
     names = ("v", "w") if not omni else ("vx", "vy", "w")
