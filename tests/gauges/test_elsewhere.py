@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from evertwin.fold import make_block
 from evertwin.gauges.elsewhere import elsewhere
 from evertwin.gauges.gauge_rows import Rows
 from evertwin.models import FunctionModel, Parameters
+from evertwin.models.translated import translated
 from evertwin.setup.setup import Setup
 from evertwin.setup.task import Windows
 from evertwin.signals import Layout
@@ -19,11 +22,17 @@ from planted.draws import first_of
 
 ROWS, AT = 1600, 1000
 SEEDS = first_of("seeds", [range(3), range(3, 10)])
-LINE = FunctionModel(
-    lambda x, u, dt, p: ([], [p[0] * u[0] + p[1] * u[1]]),
+
+
+def line(x: Any, u: Any, dt: float, p: Any) -> Any:
+    return x, [p[0] * u[0] + p[1] * u[1]]
+
+
+LINE = translated(FunctionModel(
+    line,
     Layout.of(load="N", room="K"), Layout.of(power="W"),
     parameters=Parameters.of(k=(2.0, "W/N"), c=(0.1, "W/K")),
-)  # fmt: skip
+))  # fmt: skip
 
 
 def said(seed: int, *, more: float = 0.0, bent: float = 0.0, gain: float = 1.0,

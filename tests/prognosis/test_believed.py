@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -29,9 +30,13 @@ SLOPE, LIMIT = 2.6, 3.4
 ALIKE = "a sensor of y that is off by +40 % at row 90 would look the same"
 
 
+def line(x: Any, u: Any, dt: float, p: Any) -> Any:
+    return x, [p[0] + p[1] * u[0]]
+
+
 def twin() -> Twin:
     model = FunctionModel(
-        lambda x, u, dt, p: (x, [p[0] + p[1] * u[0]]), Layout.of(u="1"), Layout.of(y="W"),
+        line, Layout.of(u="1"), Layout.of(y="W"),
         parameters=Parameters.of(c0=(1.0, "W"), c1=(SLOPE, "W")),
     )  # fmt: skip
     free = {name: ParameterSpec(editable=True) for name in ("c0", "c1")}
@@ -98,7 +103,7 @@ def test_wear_is_told_after_an_input_was_in_another_unit(seed: int) -> None:
         indicator=(replace(whole.indicator[0], limit=1.5 * slope),),
     )  # fmt: skip
     model = FunctionModel(
-        lambda x, u, dt, p: (x, [p[0] + p[1] * u[0]]), Layout.of(u="m/s"), Layout.of(y="W"),
+        line, Layout.of(u="m/s"), Layout.of(y="W"),
         parameters=Parameters.of(c0=(0.8 * c0, "W"), c1=(0.95 * slope, "W s/m")),
     )  # fmt: skip
     with Twin(spec, model) as belt:

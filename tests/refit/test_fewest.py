@@ -11,6 +11,7 @@ import pytest
 from evertwin.config.spec import AnomalySpec, ModelSpec, TwinSpec
 from evertwin.fold import make_block
 from evertwin.models import FunctionModel, Parameter, Parameters
+from evertwin.models.translated import translated
 from evertwin.refit.fewest import fewest
 from evertwin.setup.setup import Setup
 from evertwin.signals import Layout
@@ -19,11 +20,17 @@ from planted.draws import first_of
 
 ROWS = 200
 SEEDS = first_of("seeds", [range(8), range(8, 40)])
-COOLER = FunctionModel(
-    lambda x, u, dt, p: ([], [p[0] * u[0] - (p[1] + p[2] * u[1]) * u[2]]),
+
+
+def cooler(x: Any, u: Any, dt: float, p: Any) -> Any:
+    return x, [p[0] * u[0] - (p[1] + p[2] * u[1]) * u[2]]
+
+
+COOLER = translated(FunctionModel(
+    cooler,
     Layout.of(power="W", valve="1", warmer="K"), Layout.of(heat="W"),
     parameters=Parameters.of(loss=(0.27, "1"), k0=(0.05, "W/K"), k1=(0.22, "W/K")),
-)  # fmt: skip
+))  # fmt: skip
 SETUP = Setup(TwinSpec("cooler", ModelSpec("python"), anomaly=AnomalySpec(0.05)), COOLER)
 
 
