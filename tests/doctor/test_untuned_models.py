@@ -53,13 +53,13 @@ def oven(
         return twin.doctor(data)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@first_of("seed", range(4))
 def test_a_temperature_that_stands_within_its_resolution_is_not_frozen(seed: int) -> None:
     found = oven(seed)
     assert not found.of_kind("frozen"), found.text(9)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@first_of("seed", range(4))
 @pytest.mark.parametrize("dither", [0.0, 0.03])
 def test_a_frozen_sensor_is_named(seed: int, dither: float) -> None:
     def frozen(rng: np.random.Generator, y: np.ndarray) -> np.ndarray:
@@ -70,7 +70,7 @@ def test_a_frozen_sensor_is_named(seed: int, dither: float) -> None:
     assert oven(seed, sensor=frozen).of_kind("frozen")
 
 
-@pytest.mark.parametrize("seed", range(4))
+@first_of("seed", range(4))
 @pytest.mark.parametrize("first", [0, 900])
 def test_values_that_stay_to_the_last_digit_are_named(seed: int, first: int) -> None:
     def frozen(rng: np.random.Generator, y: np.ndarray) -> np.ndarray:
@@ -80,7 +80,7 @@ def test_values_that_stay_to_the_last_digit_are_named(seed: int, first: int) -> 
     assert found[0].subject == "temperature" and found[0].evidence["rows"] >= ROWS - first
 
 
-@pytest.mark.parametrize("seed", range(4))
+@first_of("seed", range(4))
 def test_a_machine_of_which_nothing_is_asked_stands(seed: int) -> None:
     rng = np.random.default_rng(seed)
     y = np.round(rng.normal(0.0, 0.02, ROWS) * 16) / 16
@@ -91,7 +91,7 @@ def test_a_machine_of_which_nothing_is_asked_stands(seed: int) -> None:
         assert not twin.doctor(data).of_kind("frozen")
 
 
-@pytest.mark.parametrize("seed", range(3))
+@first_of("seed", range(3))
 def test_a_wrong_time_constant_is_no_lag(seed: int) -> None:
     assert not oven(seed, tau=400.0).of_kind("lag")
     (finding,) = oven(seed, late=12).of_kind("lag")

@@ -7,7 +7,9 @@ are the operating system's figures for that one call.
 
 from __future__ import annotations
 
+import contextlib
 import gc
+import io
 import json
 import os
 import resource
@@ -160,6 +162,17 @@ def _one(asked: dict[str, Any]) -> dict[str, Any]:
     }  # fmt: skip
 
 
+def _once() -> None:
+    """What each process does at its first twin file: forms of settings, the template."""
+    from evertwin.app.cli import main
+
+    with tempfile.TemporaryDirectory() as folder, contextlib.redirect_stdout(io.StringIO()):
+        file = Path(folder) / "a.csv"
+        file.write_text("t,x,y\n" + "".join(f"{k},{k},{2 * k}\n" for k in range(100)))
+        with contextlib.suppress(SystemExit):
+            main(["init", str(file), "-o", f"{folder}/a.toml"])
+
+
 def _serve() -> None:
     """The helper: imports once, then one line in, one line out."""
     import importlib
@@ -175,6 +188,7 @@ def _serve() -> None:
 
     importlib.import_module("numba").njit("int64(int64)")(lambda number: number)  # its targets
     compatible("furlong", "m")  # the registry of units
+    _once()
     gc.collect()
     gc.freeze()  # else a child's first collection copies all that it shares
     for line in sys.stdin:

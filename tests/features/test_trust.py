@@ -14,6 +14,7 @@ from evertwin.features.trust import without_repeats
 from evertwin.features.voting import outvoted
 from evertwin.signals.planar import between, compose
 from evertwin.sources.scans import Lidar, Scans, Track
+from planted.draws import first_of
 from planted.rooms import box, ranges
 
 pytest.importorskip("gtsam", reason="the extra perception is not installed")
@@ -121,13 +122,13 @@ def test_a_lidar_that_repeats_itself_by_less_than_its_noise_is_frozen() -> None:
     )
 
 
-@pytest.mark.parametrize("seed", range(3))
+@first_of("seed", range(3))
 def test_three_that_agree_are_left_alone(seed: int) -> None:
     scans, _ = driven(seed)
     assert mapped(scans).findings == ()
 
 
-@pytest.mark.parametrize("seed", range(3))
+@first_of("seed", range(3))
 def test_of_noisy_ranges_the_covariance_is_honest(seed: int) -> None:
     """Errors from the first scan on: squared over their covariance, 3 on average asked."""
     scans, truth = driven(seed, noise=0.05)

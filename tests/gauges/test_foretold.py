@@ -120,7 +120,7 @@ def test_what_a_form_lacks_is_foretold_and_noise_is_not(seed: int) -> None:
     assert Past(u[:100], none[:100], 3).share(noise[:100]) == 1.0  # too few to say
 
 
-@pytest.mark.parametrize("seed", range(20))
+@first_of("seed", range(20))
 @pytest.mark.parametrize(("later", "verdict"), [(0.5, "normal"), (3.0, "abnormal")])
 def test_half_a_row_is_no_form(seed: int, later: float, verdict: str) -> None:
     """A current that is held from row to row beside a derivative that lies between them."""

@@ -6,7 +6,6 @@ from __future__ import annotations
 import re
 
 import numpy as np
-import pytest
 
 from evertwin import FunctionModel, Layout, Parameters, RunResult, Twin, TwinSpec
 from evertwin.anomaly.spec import AnomalySpec
@@ -67,7 +66,7 @@ def test_a_meter_of_an_input_that_explains_the_numbers_is_named_beside_them(seed
         assert all("a meter of current" in one.reason for one in result.of_kind("promoted"))
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@first_of("seed", [1, 2, 3])
 def test_a_machine_that_no_meter_looks_like_is_learned_alone(seed: int) -> None:
     result = fan(seed, drag=1.25)
     assert result.of_kind("promoted") and "a meter of" not in said(result)

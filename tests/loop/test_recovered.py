@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -34,9 +35,13 @@ def axis(seed: int, worn: float, repaired: bool) -> dict[str, np.ndarray]:
     return {"t": np.arange(n) * 0.01, "u": u, "y": gain * u + 0.01 * rng.normal(size=n)}
 
 
+def driven(x: Any, u: Any, dt: float, p: Any) -> Any:
+    return x, [p[0] * u[0]]
+
+
 def twin(store: str | None = None) -> Twin:
     model = FunctionModel(
-        lambda x, u, dt, p: (x, [p[0] * u[0]]), Layout.of(u="1"), Layout.of(y="1"),
+        driven, Layout.of(u="1"), Layout.of(y="1"),
         parameters=Parameters.of(gain=(1.0, "1")),
     )  # fmt: skip
     spec = ModelSpec("given", {}, {"gain": ParameterSpec(editable=True)})

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from evertwin import FunctionModel, Layout, Twin, TwinSpec
@@ -25,9 +27,13 @@ def conveyor(seed: int, offset: float, slope: float) -> dict[str, np.ndarray]:
     return {"t": at * 0.01, "u": u, "y": y + 0.05 * rng.normal(size=n)}
 
 
+def line(x: Any, u: Any, dt: float, p: Any) -> Any:
+    return x, [p[0] + p[1] * u[0]]
+
+
 def twin() -> Twin:
     model = FunctionModel(
-        lambda x, u, dt, p: (x, [p[0] + p[1] * u[0]]), Layout.of(u="1"), Layout.of(y="W"),
+        line, Layout.of(u="1"), Layout.of(y="W"),
         parameters=Parameters.of(c0=(1.4, "W"), c1=(2.6, "W")),
     )  # fmt: skip
     free = {name: ParameterSpec(editable=True) for name in ("c0", "c1")}

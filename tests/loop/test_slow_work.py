@@ -19,6 +19,7 @@ from evertwin.setup.configured_model import model_of
 from evertwin.setup.setup import Setup
 from evertwin.store import SqliteStore
 from evertwin.twin import Twin
+from planted.draws import first_of
 
 from .machines import CASES, Case, play, robot, whole
 from .test_friction_laws import PowerFailure, breaks, same, until
@@ -78,11 +79,13 @@ def test_the_stores_of_both_hold_the_same(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @NAMES
-def test_work_that_a_restored_state_asks_for_is_done_again(name: str) -> None:
+@first_of("places", [slice(1, 2), slice(None)])
+def test_work_that_a_restored_state_asks_for_is_done_again(name: str, places: slice) -> None:
+    """Within the first request; and wherever a run is broken."""
     case, unbroken = CASES[name](), SqliteStore(":memory:")
     Twin(case.spec, store=unbroken).run([case.rows])
     spec = replace(case.spec, engine=EngineSpec(workers=1))
-    for stop in breaks(name):
+    for stop in breaks(name)[places]:
         store = SqliteStore(":memory:")
         with pytest.raises(PowerFailure):
             Twin(case.spec, store=store).run(until(case.rows, stop), every=1)

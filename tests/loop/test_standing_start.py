@@ -4,6 +4,7 @@ fitted, not by noise over noise."""
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -28,10 +29,14 @@ def recorded(seed: int, rest: int, gain: float = 1.0) -> dict[str, np.ndarray]:
     return {"t": 0.1 * np.arange(len(u)), "u": u, "flow": flow, "warm": warm}
 
 
+def pumped(x: Any, u: Any, dt: float, p: Any) -> Any:
+    return x, [p[0] * u[0], 290.0 + p[1] * u[0]]
+
+
 def twin(seed: int, path: Path) -> Twin:
     size = 10.0 ** np.random.default_rng(seed).uniform(-3.0, 3.0)
     model = FunctionModel(
-        lambda x, u, dt, p: (x, [p[0] * u[0], 290.0 + p[1] * u[0]]), Layout.of(u="1"),
+        pumped, Layout.of(u="1"),
         Layout.of(flow="m^3/s", warm="K"),
         parameters=Parameters.of(gain=(0.7 * size, "m^3/s"), heat=(15.0, "K")),
     )  # fmt: skip

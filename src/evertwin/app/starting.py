@@ -133,7 +133,7 @@ def _pump(out: Path, seen: tuple[Seen, ...]) -> Draft:
     if not own.exists():
         write_whole(own, pump_model(seen, found))
     options = {"file": own.name, "name": "model"}
-    built = machine("python", options | {"file": str(own)})
+    built = machine("python", options | {"file": str(own)}, compiled=False)
     names = {(m.source, m.column) for m in found}
     rest = tuple(
         c.name for s, one in enumerate(seen) for c in one.columns if (s, c.name) not in names
@@ -156,7 +156,7 @@ def _write(draft: Draft, force: bool) -> dict[str, Any]:
         write_whole(own, own_model(draft.seen, draft.proposal.matches, draft.period))
     if not draft.questions:  # else the file holds a question, which no reader takes
         spec = read(out)
-        model_of(spec)
+        model_of(spec, compiled=False)
         if draft.model is not None and not draft.static:
             write_whole(out, replace(draft, reach=unforeseen(spec)).text())
     return {

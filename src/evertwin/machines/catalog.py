@@ -49,8 +49,9 @@ FOLDERS = ("libraries",)
 """Options whose entries may be folders."""
 
 
-def machine(kind: str, options: Mapping[str, Any]) -> Model:
-    """The model called ``kind``, built with ``options``; a plain step as machine code if it can.
+def machine(kind: str, options: Mapping[str, Any], *, compiled: bool = True) -> Model:
+    """The model called ``kind``, built with ``options``; a plain step as machine code if it can,
+    unless it need not be ``compiled``, as where nothing is simulated.
 
     Raises:
         UsageError: there is no such model, or it does not take these options.
@@ -71,7 +72,7 @@ def machine(kind: str, options: Mapping[str, Any]) -> Model:
         if kind in MACHINES or isinstance(error, EvertwinError):
             raise
         raise ModelError(f"[model] kind = {kind!r}: {type(error).__name__}: {error}") from error
-    return translated(made) if type(made) is FunctionModel else made
+    return translated(made) if compiled and type(made) is FunctionModel else made
 
 
 def _options(factory: Callable[..., Model]) -> tuple[str, ...]:

@@ -21,17 +21,17 @@ from evertwin.signals import Layout
 from evertwin.signals.units import conversion, si_unit, to_si
 
 
-def model_of(spec: TwinSpec, given: Model | None = None) -> Model:
+def model_of(spec: TwinSpec, given: Model | None = None, *, compiled: bool = True) -> Model:
     """The base model of a twin: ``given``, or the one that the file names; a plain step as machine
-    code if it can.
+    code if it can, unless it need not be ``compiled``.
 
     Raises:
         UsageError: no such model, parameter or channel.
         ConfigError: a model in Python that is not where the file says, or a ladder of terms that
             its law does not have.
     """
-    model = given or _built(spec)
-    if type(model) is FunctionModel:
+    model = given or _built(spec, compiled)
+    if compiled and type(model) is FunctionModel:
         model = translated(model)
     for one in (*model.inputs, *model.outputs, *model.states):
         if conversion(one.unit) != (1.0, 0.0):
@@ -67,9 +67,10 @@ def with_units(spec: TwinSpec, model: Model) -> TwinSpec:
     return replace(spec, indicator=tuple(rules)) if units and rules else spec
 
 
-def _built(spec: TwinSpec) -> Model:
+def _built(spec: TwinSpec, compiled: bool) -> Model:
     with _placed(spec, "model"):
-        return machine(spec.model.kind, located(spec.folder, spec.model.options))
+        options = located(spec.folder, spec.model.options)
+        return machine(spec.model.kind, options, compiled=compiled)
 
 
 @contextmanager

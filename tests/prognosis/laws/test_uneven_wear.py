@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from evertwin.prognosis.laws import Indicator, Life, Limit, predict_life
+from planted.draws import first_of
 from planted.metrics import covers, crps
 from planted.uneven import UNEVEN
 from planted.unlike import Kind, Stranger, kind_of, stranger
@@ -18,7 +18,7 @@ def seen(kind: Kind, one: Stranger, share: float) -> Indicator:
     return Indicator.of("wear", "1", Limit(kind.limit, side), one.at[known], one.value[known])
 
 
-@pytest.mark.parametrize("seed", range(2))
+@first_of("seed", range(2))
 def test_answers_at_seven_tenths_of_life_hold_and_lose_little(seed: int) -> None:
     loss, held = [], []
     for number, law in enumerate(UNEVEN):

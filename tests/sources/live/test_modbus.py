@@ -202,7 +202,7 @@ def test_a_clock_for_a_sequence_counts_nothing() -> None:
     assert source.health.losses == 0
 
 
-@pytest.mark.parametrize("rate", [100, 400])
+@first_of("rate", [100, 400])
 def test_a_machine_that_is_read_too_seldom_is_known_to_lose_samples(rate: int) -> None:
     """No two that are read follow each other: that it counts is seen while one is read."""
     began = time.monotonic()

