@@ -54,3 +54,46 @@ def test_the_position_decides(setup: Setup, seed: int, wrong: float, scaled: boo
     factors[setup.model.inputs.index("speed")] = 1.0 / MILES
     assert contradicted(setup, (rows,), (200, 1500), factors) == scaled
     assert not contradicted(setup, (rows,), (200, 1500), np.ones(3))
+
+
+LIVE = """
+beat = "2 s"
+[prediction]
+horizon = "1 s"
+[anomaly]
+requirement = 0.05
+window = "10 s"
+[tuning]
+window = "60 s"
+"""
+
+
+@pytest.mark.parametrize(("gauge", "friction"), [(1.2, 1.0), (0.85, 1.0), (1.0, 1.3)])
+def test_a_speed_that_leaves_its_position_is_no_change_of_the_machine(
+    tmp_path: Path, gauge: float, friction: float
+) -> None:
+    rng, n = np.random.default_rng(0), 6000
+    t, late = STEP * np.arange(n), np.arange(n) >= n // 2
+    v = sum(a * np.sin(w * t) for a, w in ((0.3, 1.1), (0.2, 1.9), (0.25, 0.7)))
+    q = np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * STEP)])
+    seen = v * np.where(late, gauge, 1.0)
+    force = 20.0 * np.gradient(v, STEP) + (16.0 * np.sign(v) + 50.0 * v) * np.where(
+        late, friction, 1.0
+    )
+    columns = t, seen, np.gradient(seen, STEP), force + rng.normal(0.0, 0.3, n), q
+    np.savetxt(tmp_path / "a.csv", np.column_stack(columns), header="t,v,a,f,q",
+               delimiter=",", comments="", fmt="%.6f")  # fmt: skip
+    values = "[model.parameters]\nmass = 20.0\nFc = 16.0\nFv = 50.0\n[[source]]"
+    text = TWIN.replace("[[source]]", values).replace("[clock]", LIVE + "[clock]")
+    beat = 'beat = "2 s"\n'
+    text = text.replace(beat, "").replace('name = "axis"', f'name = "axis"\n{beat}')
+    (tmp_path / "axis.toml").write_text(text)
+    with Twin.open(tmp_path / "axis.toml") as twin:
+        events = twin.run([tmp_path / "a.csv"]).events
+    told = [e for e in events if e.kind == "abnormal" and e.signal == "speed"]
+    if friction != 1.0:
+        assert not told
+        return
+    assert told, [(e.row, e.kind, e.reason) for e in events]
+    assert told[0].evidence["number"] == pytest.approx(gauge, rel=0.01)
+    assert "promoted" not in {e.kind for e in events}

@@ -6,12 +6,21 @@ import numpy as np
 
 from evertwin.anomaly.kinematics import FEWEST, STRETCH
 from evertwin.gauges.change import split
+from evertwin.gauges.gauge_rows import Rows
+from evertwin.gauges.sensor_change import SensorChange
+from evertwin.rows.ring import called
 from evertwin.setup.setup import Setup
 from evertwin.setup.task import Windows
 from evertwin.types import Vector
 
 MOVES = 10
 """Stretches at least that tell whether the two say the same."""
+FEW = 3
+"""The same of one that is compared with what it was."""
+LITTLE = 0.03
+"""Share by which one may go on from what it was beside the other."""
+SURE = 5.0
+"""So many standard errors it has to be."""
 
 
 def contradicted(setup: Setup, windows: Windows, rows: tuple[int, int], factors: Vector) -> bool:
@@ -35,6 +44,39 @@ def contradicted(setup: Setup, windows: Windows, rows: tuple[int, int], factors:
         if recorded < _apart(went * factors[position], said * factors[speed]):
             return True
     return False
+
+
+def apart(rows: Rows) -> SensorChange | None:
+    """That a speed is not what it was beside its position since a machine that held is off by more:
+    no machine does that; None: it is."""
+    early, late = split(rows.windows, rows.since)
+    for position, speed, angle in rows.setup.kinematics.columns:
+        (was, about), (now, sure) = (
+            _share(rows.setup, some, position, speed, angle=bool(angle))
+            for some in ((*rows.earlier, *early), late)
+        )
+        change = now / was
+        if abs(change - 1.0) > max(LITTLE, SURE * change * np.hypot(about / was, sure / now)):
+            names, row = rows.setup.model.inputs.names, rows.row(rows.since)
+            return SensorChange(names[speed], change, (
+                f"{names[speed]} is {change:.3g} times what it was beside the way that "
+                f"{names[position]} goes, from {called(row)} on: one of the two is read otherwise "
+                "than before, whatever the machine does; nothing is learned from them"
+            ), None, row)  # fmt: skip
+    return None
+
+
+def _share(
+    setup: Setup, windows: Windows, position: int, speed: int, *, angle: bool
+) -> tuple[float, float]:
+    """The way by the speed, of that by the position, and its standard error; NaN: too few move."""
+    ways = [_ways(setup, w.u[:, [position, speed]], w.dt, angle) for w in windows]
+    went, said = np.concatenate([np.zeros((0, 2)), *ways]).T
+    if len(went) < FEW or not went.any():
+        return np.nan, np.nan
+    size = float(went @ went)
+    share = float(said @ went) / size
+    return share, float(np.sqrt(np.sum((said - share * went) ** 2) / (len(went) - 1) / size))
 
 
 def _ways(setup: Setup, u: np.ndarray, dt: Vector, angle: bool) -> np.ndarray:

@@ -15,6 +15,7 @@ from evertwin.gauges.clock_unit import of_the_clock
 from evertwin.gauges.elsewhere import elsewhere
 from evertwin.gauges.gauge import misgauged, reread
 from evertwin.gauges.input_alike import alike_inputs
+from evertwin.gauges.kinematic import apart
 from evertwin.gauges.late_outputs import late_outputs
 from evertwin.gauges.misread import misread
 from evertwin.gauges.off_in_all import in_all
@@ -90,6 +91,8 @@ def of_a_channel(
     if told and (late := late_outputs(*tuned)):
         return Asked(late)
     rows = tuner.rows(task, *tuned)
+    if other := apart(rows):
+        return Asked(other)
     still = stuck(rows, reached=tuner.holds(tuned[0], tuned[1].values))
     found = misgauged(rows, still) if told else still
     if found or not (told or task.waits):
