@@ -27,6 +27,7 @@ import numpy as np
 import scipy
 
 from evertwin import FitResult
+from evertwin.fold import Event
 from planted.twins import opened
 from proofs._verdict import ended, no_data
 
@@ -45,9 +46,8 @@ TOLD, ROW = 10.0, 1.0 / 32.0
 """Time in which a change of floor has to be told, and from row to row [s]."""
 SAME = 0.01
 """Relative difference below which two numbers are the same: their intervals are wider."""
-WHAT = {
-    "told": ("suspected",), "named": ("normal", "abnormal"), "live": ("promoted", "rolled_back"),
-}  # fmt: skip
+NAMES = ("normal", "abnormal")
+WHAT = {"told": ("suspected", *NAMES), "named": NAMES, "live": ("promoted", "rolled_back")}
 """Kinds of event that tell a change, that name it, that end it."""
 FOUND = ("suspected", "abnormal", "normal", "corrected", "tuned", "promoted", "rolled_back")
 
@@ -146,6 +146,11 @@ def told(result: FitResult) -> None:
             print(f"      {name:20} {value:8.4g} [{low:.4g}, {high:.4g}] {verdict}")
 
 
+def _named(event: Event) -> bool:
+    """Is it the floor that is named, or that it is one which was there before?"""
+    return event.signal == "floor" or "version" in event.evidence
+
+
 def changed(floors: tuple[str, str, str]) -> dict[str, bool]:
     """One run over three floors: is each change told in time?"""
     chosen = (slice(0, 72, 3), slice(0, 72, 6), slice(1, 72, 6))
@@ -161,7 +166,7 @@ def changed(floors: tuple[str, str, str]) -> dict[str, bool]:
         for what, kinds in WHAT.items():
             after = [
                 e.row for e in result.of_kind(*kinds)
-                if row < e.row <= end and (what != "named" or e.signal == "floor")
+                if row < e.row <= end and (e.kind not in NAMES or _named(e))
             ]  # fmt: skip
             late[what] = (after[0] - row) * ROW if after else float("inf")
         said = ", ".join(f"{what} after {seconds:.0f} s" for what, seconds in late.items())
