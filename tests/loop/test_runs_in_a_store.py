@@ -381,15 +381,16 @@ def test_days_named_again_in_any_order_are_run_once() -> None:
 
 def test_files_that_all_count_from_zero_are_known_behind_others() -> None:
     """Behind others a file is stamped anew; its rows are those that were run alone."""
+    plain: Any = {"anomaly": AnomalySpec(), "correction": CorrectionSpec()}
     one, other = SqliteStore(":memory:"), SqliteStore(":memory:")
     u, y = robot().rows.u[:100, 0], robot().rows.y[:100, 0]
     files = [{"t": 0.05 * np.arange(len(u)), "v": u, "x": y + 1e-9 * n} for n in range(3)]
     for file in files:
-        twin(one).run(file)
-        twin(other).run(file)
-    shown = twin(one).run(files)
+        twin(one, **plain).run(file)
+        twin(other, **plain).run(file)
+    shown = twin(one, **plain).run(files)
     assert log(one) == log(other) and shown.began == shown.samples
     assert shown.passed == 2 * len(u) and shown.trace["t"][0] == 0
-    twin(one).run(files[:1])
-    twin(one).run(files[1:])
+    twin(one, **plain).run(files[:1])
+    twin(one, **plain).run(files[1:])
     assert log(one) == log(other)

@@ -204,6 +204,7 @@ class Observer:
             trial=trial,
             headline=also_pinned(said, champion.number, pinned=pinned), pinned=pinned,
             faults=wrong(driver.setup, outputs, self.events),
+            missed=missed(outputs, driver.setup.requirement),
             relative=self.setup.relative or not self.setup.decides, failed=failed,
         )  # fmt: skip
 
@@ -229,6 +230,12 @@ def succeeded(
         if event.kind == "promoted" and event.evidence.get("version") == champion.number:
             before = event.evidence.get("replaced", before)
     return (champion,) if before is None else (champion, versions[before])
+
+
+def missed(outputs: Mapping[str, OutputFigures], limit: float) -> tuple[str, ...]:
+    """Outputs that are off by more than is asked; none where all that are fit again."""
+    off = {name: f for name, f in outputs.items() if f.judged > limit}
+    return () if all(f.spell for f in off.values()) else tuple(off)
 
 
 def figures(setup: Setup, state: TwinState) -> dict[str, OutputFigures]:
