@@ -137,7 +137,9 @@ def test_time_of_a_plan_counts_from_now(seed: int, tmp_path: Path) -> None:
     assert late.notes == ("plan.csv begins 100 s from now: until then the newest inputs are held",)
     path.write_text("t,heater,room\n5,30,21\n10,30,21\n")
     soon = twin.forecast(60.0, rows, inputs=path)
-    assert soon.t[:2] == pytest.approx([5.0, 10.0]) and soon.inputs[0] == pytest.approx([duty, room])
+    assert soon.t[:2] == pytest.approx([5.0, 10.0]) and soon.inputs[0] == pytest.approx(
+        [duty, room]
+    )
     assert soon.notes == () and soon.horizon == pytest.approx(15.0)
     path.write_text("t,heater,room\n-5,30,21\n10,30,21\n")
     with pytest.raises(DataError, match="t counts from now"):

@@ -16,14 +16,14 @@ from evertwin.loop.follow import Followed
 from evertwin.loop.in_stream import as_is
 from evertwin.models import Parameters
 from evertwin.models.form import Version
-from evertwin.outcome.headline import also_pinned, failed_first, headline, wrong
+from evertwin.outcome.headline import also_pinned, failed_first, headline, unless_at_rest, wrong
 from evertwin.outcome.jumps import usual_most
 from evertwin.outcome.lives import lives
 from evertwin.outcome.open_trial import open_trial
 from evertwin.outcome.result import OutputFigures, RunResult
 from evertwin.outcome.spells import spell
 from evertwin.outcome.trace import Tail, Trace
-from evertwin.outcome.unjudged import unjudged
+from evertwin.outcome.unjudged import at_rest, unjudged
 from evertwin.setup.deviation import deviation, judged_deviation
 from evertwin.setup.setup import Setup
 from evertwin.setup.twin_state import TwinState
@@ -190,6 +190,7 @@ class Observer:
             measured = int(np.isfinite(trace["measured"]).any(axis=1).sum())
         failed = state.live.track.failed(self.events)
         said = headline(driver.setup, outputs, told, self.events, trial, measured)
+        said = unless_at_rest(said, still=at_rest(trace))
         said = failed_first(" ".join(filter(None, (unjudged(driver.setup, trace), said))), failed)
         pinned = state.agenda.pinned
         return RunResult(
