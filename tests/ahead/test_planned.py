@@ -129,9 +129,9 @@ def test_time_of_a_plan_counts_from_now(seed: int, tmp_path: Path) -> None:
     """Until its first row the newest inputs hold; that it begins late is said."""
     twin, rows, path = oven(), recorded(seed), tmp_path / "plan.csv"
     duty, room = list(twin.blocks(rows))[-1].u[-1]
-    path.write_text(f"t,heater [1],room [K]\n0,{duty},{room}\n100,0.5,{room}\n200,0.5,{room}\n")
+    path.write_text(f"t,heater [1],room [K]\n0,{duty},{room}\n100,0.3,{room}\n200,0.3,{room}\n")
     whole = twin.forecast(60.0, rows, inputs=path)
-    path.write_text(f"t,heater [1],room [K]\n100,0.5,{room}\n200,0.5,{room}\n")
+    path.write_text(f"t,heater [1],room [K]\n100,0.3,{room}\n200,0.3,{room}\n")
     late = twin.forecast(60.0, rows, inputs=path)
     assert late.t == pytest.approx(whole.t) and late.inputs == pytest.approx(whole.inputs)
     assert late.notes == ("plan.csv begins 100 s from now: until then the newest inputs are held",)

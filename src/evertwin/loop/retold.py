@@ -1,5 +1,8 @@
-"""A run that is over, and went on from what is kept no longer: its rows once more, with the versions
-that its log says were live at them. Nothing is judged or learned anew, and nothing is logged."""
+"""A run that is over, and went on from what is kept no longer: its rows once more.
+
+They are followed by the versions that its log says were live at them. Nothing is judged or learned
+anew, and nothing is logged.
+"""
 
 from __future__ import annotations
 

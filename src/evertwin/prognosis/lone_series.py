@@ -155,8 +155,8 @@ def _stepped_back(own: Indicator, lines: Sequence[int]) -> tuple[str, ...]:
     sign = own.limit.sign
     return (
         f"{own.name} steps back from {own.shown(sign * back.before)} to "
-        f"{own.shown(sign * back.after)}, about where its life began, in row {lines[back.row]}: was "
-        "the part replaced there? Then write replaced there in a column maintenance",
+        f"{own.shown(sign * back.after)}, about where its life began, in row {lines[back.row]}: "
+        "was the part replaced there? Then write replaced there in a column maintenance",
     )
 
 

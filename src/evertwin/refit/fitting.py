@@ -303,11 +303,8 @@ def _held(
     advice = "" if setup.static or setup.spec.correction.in_fit else SEEK
     names = zip(model.outputs.names, setup.watched, strict=True)
     silent = tuple(name for name, asked in names if asked and name not in outputs)
-    told = [
-        np.count_nonzero((np.isfinite(w.residual) & w.moving)[:, setup.watched])
-        for w in seen[1] or seen[0]
-    ]
-    left = sum(map(np.count_nonzero, counts)) - (0 if seen[1] else len(found.names))
+    counts = [(np.isfinite(w.residual) & w.moving)[:, setup.watched] for w in seen[1] or seen[0]]
+    left = int(sum(map(np.count_nonzero, counts))) - (0 if seen[1] else len(found.names))
     few = max(left, 0) if left < LEFT else -1
     return Held(
         setup.requirement, setup.relative, bool(seen[1]), outputs, advice, failed, silent, few
