@@ -122,3 +122,25 @@ def test_a_path_between_sparse_rows_goes_on_a_line(tmp_path: Path) -> None:
     u = drive.forecast(1.0, rows, inputs=path).inputs
     assert u[:, 0] == pytest.approx(np.linspace(0.0, 1.0, 21))
     assert after.path_error["force"].largest > 0.0
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_time_of_a_plan_counts_from_now(seed: int, tmp_path: Path) -> None:
+    """Until its first row the newest inputs hold; that it begins late is said."""
+    twin, rows, path = oven(), recorded(seed), tmp_path / "plan.csv"
+    duty, room = list(twin.blocks(rows))[-1].u[-1]
+    path.write_text(f"t,heater [1],room [K]\n0,{duty},{room}\n100,0.3,{room}\n200,0.3,{room}\n")
+    whole = twin.forecast(60.0, rows, inputs=path)
+    path.write_text(f"t,heater [1],room [K]\n100,0.3,{room}\n200,0.3,{room}\n")
+    late = twin.forecast(60.0, rows, inputs=path)
+    assert late.t == pytest.approx(whole.t) and late.inputs == pytest.approx(whole.inputs)
+    assert late.notes == ("plan.csv begins 100 s from now: until then the newest inputs are held",)
+    path.write_text("t,heater,room\n5,30,21\n10,30,21\n")
+    soon = twin.forecast(60.0, rows, inputs=path)
+    assert soon.t[:2] == pytest.approx([5.0, 10.0]) and soon.inputs[0] == pytest.approx(
+        [duty, room]
+    )
+    assert soon.notes == () and soon.horizon == pytest.approx(15.0)
+    path.write_text("t,heater,room\n-5,30,21\n10,30,21\n")
+    with pytest.raises(DataError, match="t counts from now"):
+        twin.forecast(60.0, rows, inputs=path)

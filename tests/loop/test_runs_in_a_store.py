@@ -363,3 +363,34 @@ def test_a_folder_that_moved_is_no_other_twin(tmp_path: Path) -> None:
     for file in (here, there):
         file.write_text((TWINS / "robot1d.toml").read_text())
     assert settings_hash(read(here)) == settings_hash(read(there))
+
+
+def test_days_named_again_in_any_order_are_run_once() -> None:
+    """What is shown of a day costs the log nothing, and no other day what it began with."""
+    store = SqliteStore(":memory:")
+    first = [twin(store).run([day(number)]) for number in (1, 2, 3)]
+    kept = log(store)
+    for number in (1, 2, 3, 2, 1, 3):
+        shown = twin(store).run([day(number)])
+        assert shown.events == first[number - 1].events and shown.began == shown.samples
+        assert shown.champion == first[number - 1].champion
+        assert shown.unseen_since == first[number - 1].unseen_since and shown.trace
+        assert log(store) == kept
+    same(twin(store).run([day(3)]), first[2])
+
+
+def test_files_that_all_count_from_zero_are_known_behind_others() -> None:
+    """Behind others a file is stamped anew; its rows are those that were run alone."""
+    plain: Any = {"anomaly": AnomalySpec(), "correction": CorrectionSpec()}
+    one, other = SqliteStore(":memory:"), SqliteStore(":memory:")
+    u, y = robot().rows.u[:100, 0], robot().rows.y[:100, 0]
+    files = [{"t": 0.05 * np.arange(len(u)), "v": u, "x": y + 1e-9 * n} for n in range(3)]
+    for file in files:
+        twin(one, **plain).run(file)
+        twin(other, **plain).run(file)
+    shown = twin(one, **plain).run(files)
+    assert log(one) == log(other) and shown.began == shown.samples
+    assert shown.passed == 2 * len(u) and shown.trace["t"][0] == 0
+    twin(one, **plain).run(files[:1])
+    twin(one, **plain).run(files[1:])
+    assert log(one) == log(other)

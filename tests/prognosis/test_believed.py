@@ -23,6 +23,9 @@ from evertwin.models import Parameters
 from evertwin.models.form import Form, Version
 from evertwin.prognosis.alarm_log import called_false
 from evertwin.prognosis.believed import believed
+from evertwin.prognosis.laws.alarms import alarm_of
+from evertwin.prognosis.laws.indicator import Indicator, Limit
+from evertwin.prognosis.laws.life import LEVELS, Life
 from evertwin.store import Batch, Estimate, SqliteStore
 from planted.draws import first_of
 
@@ -242,3 +245,25 @@ def test_a_false_alarm_ends_what_it_was_raised_on() -> None:
         assert not again.alarms
         assert 3.5 not in again.components["belt"].indicator.value
         assert len([e for e in belt.events if e.kind == "alarm"]) == 1
+
+
+@pytest.mark.parametrize(("kind", "over"), [("alarm", True), ("normal", True), ("abnormal", False)])
+def test_who_calls_what_was_learned_true_says_that_it_is_the_machine(kind: str, over: bool) -> None:
+    log = Log()
+    log.switch(300, "promoted", log.fit(200, 15.0, caveat=ALIKE))
+    assert believed(log.store)[-1].alike == (ALIKE,)
+    log.say(Event(400, 400, "labelled", "", "", {"verdict": "true", "event": 1, "kind": kind}))
+    assert believed(log.store)[-1].alike == (() if over else (ALIKE,))
+
+
+def test_a_limit_that_is_passed_is_raised_with_what_would_look_the_same() -> None:
+    """Somebody has to look either way; what is ahead waits until it is said which it is."""
+    belt = Indicator.of("slope", "W", Limit(3.0), [0, 1], [1.0, 3.5])
+    over, ahead = Life.of("h", LEVELS, 0.0 * LEVELS), Life.of("h", LEVELS, LEVELS)
+    plain, doubted = (alarm_of("belt", belt, over, 5.0, 0.1, alike) for alike in ((), (ALIKE,)))
+    assert plain and doubted and doubted.kind == plain.kind == "limit_passed"
+    assert doubted.reason == f"{plain.reason}; {ALIKE}" and "sensor" in doubted.action
+    assert doubted.evidence == plain.evidence | {"doubt": [ALIKE]}
+    assert alarm_of("belt", belt, ahead, 5.0, 0.1) and not alarm_of(
+        "belt", belt, ahead, 5.0, 0.1, (ALIKE,)
+    )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from evertwin.errors import DataError
 from evertwin.prognosis.laws import Indicator, Limit
 from evertwin.prognosis.laws.indicator import Direction
 from evertwin.prognosis.lone_series import Series, life_of_series
-from evertwin.prognosis.steps import check_steps, shift_of
+from evertwin.prognosis.steps import back_of, check_steps, shift_of
 from evertwin.types import Vector
 
 SEEDS = range(4)
@@ -78,6 +79,28 @@ def test_a_shift_is_told_with_the_life_that_another_sensor_would_mean(
     assert "at once in row 62" in note and "was its sensor exchanged" in note
     found = life_of_series(Series(written(file, y, {60: "adjusted"}), 5.0))
     assert note.endswith(found.components["x"].sentence) and not found.notes
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("scale", [0.01, 300.0])
+@pytest.mark.parametrize("part", [0.25, 0.4])
+def test_a_step_that_is_not_large_is_told_where_it_is_clear(
+    seed: int, scale: float, part: float, tmp_path: Path
+) -> None:
+    """By a share of the way to the limit: back to the begin, and towards the limit."""
+    rng, file = np.random.default_rng(seed), tmp_path / "h.csv"
+    y = 5.0 + 7.0 * part * np.arange(60) / 40 + 7.0 * 0.006 * rng.standard_normal(60)
+    back, shift = (y + np.where(np.arange(60) < 40, 0.0, 7.0 * one) for one in (-part, part))
+    asked = Series(file, scale * 12.0)
+    written(file, scale * back)
+    (note,) = [one for one in life_of_series(asked).notes if "steps back" in one]
+    assert "in row 42: was the part replaced there?" in note
+    assert not life_of_series(replace(asked, file=written(file, scale * y))).notes
+    written(file, scale * back, {40: "replaced"})
+    assert not any("steps back" in one for one in life_of_series(asked).notes)
+    written(file, scale * shift)
+    (note,) = life_of_series(asked).notes
+    assert "at once in row 42" in note and "adjusted" in note
 
 
 def own(y: Vector, limit: float, direction: Direction = "above") -> Indicator:
@@ -144,4 +167,4 @@ def test_recorded_machines_are_not_asked_back(data_dir: Path) -> None:
         for share in np.linspace(0.05, 1.0, 20):
             part = one.until(float(share) * len(one.at))
             check_steps(part, "h.csv", range(len(one.at)))
-            assert shift_of(part) is None
+            assert shift_of(part) is None and back_of(part) is None

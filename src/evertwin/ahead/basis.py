@@ -168,11 +168,8 @@ def coming(last: Block, horizon: float, mode: Mode) -> Future:
     if not 0.0 < horizon < np.inf:
         raise UsageError(f"horizon: expected a duration above 0 s, got {horizon}")
     step = usual_step(last)
-    u, dt = last.u[1:], last.dt[1:]
-    known = np.isfinite(u).all(axis=1)
-    if not known.any():
-        raise DataError("forecast: no row of the last task has all its inputs")
-    u, dt = u[known], dt[known]
+    u = known_inputs(last)
+    dt = last.dt[1:][np.isfinite(last.u[1:]).all(axis=1)]
     if mode == "hold":
         n = _count(horizon / step)
         return Future(np.repeat(u[-1:], n, axis=0), np.full(n, step))
@@ -184,6 +181,19 @@ def coming(last: Block, horizon: float, mode: Mode) -> Future:
     u, dt = np.tile(u, (times, 1)), np.tile(dt, times)
     stop = int(np.searchsorted(np.cumsum(dt), horizon * (1 - 1e-9))) + 1
     return Future(np.ascontiguousarray(u[:stop]), dt[:stop])
+
+
+def known_inputs(last: Block) -> Inputs:
+    """Those of the rows of a recorded block that have all of theirs, without its first.
+
+    Raises:
+        DataError: none has.
+    """
+    u = last.u[1:]
+    known = np.isfinite(u).all(axis=1)
+    if not known.any():
+        raise DataError("forecast: no row of the last task has all its inputs")
+    return np.asarray(u[known])
 
 
 def usual_step(last: Block) -> float:

@@ -27,9 +27,8 @@ from evertwin.ahead.basis import (
     coming,
     draws,
     through,
-    usual_step,
 )
-from evertwin.ahead.planned import Planned, beyond, off_beyond, rows_of_file
+from evertwin.ahead.planned import Planned, beyond, from_now, off_beyond
 from evertwin.ahead.spread import BELL, spread
 from evertwin.errors import UsageError
 from evertwin.fold import Block, plain
@@ -186,8 +185,9 @@ def forecast(
         DataError: no recordings, or too few to know how far predictions are off.
     """
     rows, model, p = basis.rows(data), basis.model, basis.p
+    said: tuple[str, ...] = ()
     if isinstance(inputs, Planned):
-        inputs = _begun(basis, inputs, usual_step(rows[-1]))
+        inputs, said = _begun(basis, inputs, rows[-1])
     future = coming(rows[-1], horizon, mode) if inputs is None else inputs
     known = spread(model, p, basis.alike(rows), float(future.t[-1]))
     y, by_p = _simulated(basis, rows[-1], future)
@@ -209,21 +209,21 @@ def forecast(
     )  # fmt: skip
     if inputs is None:
         return found
-    return replace(found, mode="planned", notes=beyond(basis, rows, inputs))
+    return replace(found, mode="planned", notes=(*said, *beyond(basis, rows, inputs)))
 
 
-def _begun(basis: Basis, plan: Planned, step: float) -> Future:
-    """The rows of a plan, as far as it is wanted."""
-    future, _ = rows_of_file(basis, plan.path, step)
+def _begun(basis: Basis, plan: Planned, newest: Block) -> tuple[Future, tuple[str, ...]]:
+    """The rows of a plan from now on, as far as it is wanted; and what is to be said of them."""
+    future, said = from_now(basis, plan.path, newest)
     if plan.until == math.inf:
-        return future
+        return future, said
     if not 0.0 < plan.until <= future.t[-1] * (1 + 1e-9):
         raise UsageError(
             f"horizon: expected above 0 s and at most {future.t[-1]:.6g} s, which {plan.path} "
             f"reaches, got {plan.until:.6g} s"
         )
     stop = int(np.searchsorted(future.t, plan.until * (1 - 1e-9))) + 1
-    return Future(future.u[:stop], future.dt[:stop])
+    return Future(future.u[:stop], future.dt[:stop]), said
 
 
 def _simulated(basis: Basis, newest: Block, future: Future) -> tuple[Outputs, Outputs]:

@@ -7,7 +7,8 @@ time, or the recordings' own column of stamps. What an arm's file leaves out of 
 acceleration is taken from the positions.
 
 Between two rows the machine is simulated at its usual step: a command is held, as it is between the
-stamps of a recording, other inputs go on a line. The last row is one step more.
+stamps of a recording, other inputs go on a line. The last row is one step more. Of a forecast, time
+counts from now, the newest recorded row: its inputs are held until the first of the plan.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy
 
-from evertwin.ahead.basis import Basis, Future, check_count
+from evertwin.ahead.basis import Basis, Future, check_count, known_inputs, usual_step
 from evertwin.errors import DataError
 from evertwin.fold import Block
 from evertwin.rows.channels import is_held, recorded_as, unit_told
@@ -61,8 +62,32 @@ def rows_of_file(basis: Basis, path: Path, step: float) -> tuple[Future, Mapping
         DataError: a column lacks or is of another quantity, the time does not rise, or a cell is
             empty.
     """
-    plan = _Plan(basis, read_table(path))
-    t = plan.time()
+    return _read(_Plan(basis, read_table(path)), path, step)[1:]
+
+
+def from_now(basis: Basis, path: Path, newest: Block) -> tuple[Future, tuple[str, ...]]:
+    """Inputs to come after a recorded block, and what is to be said of when they begin.
+
+    Raises:
+        DataError: as `rows_of_file`; or a row lies before now.
+    """
+    plan, step, held = _Plan(basis, read_table(path)), usual_step(newest), known_inputs(newest)[-1]
+    begin, future, _ = _read(plan, path, step)
+    if plan.dated:  # one from before the recording ended is of another day
+        begin = max(begin - 1e-9 * float(newest.t[-1]), 0.0)
+    if begin < 0.0:
+        raise DataError(f"{path}: row 1 is at {begin:g} s: t counts from now, expected 0 or more")
+    n = int(np.rint(begin / step)) or int(begin > 0.0)
+    check_count(float(n + len(future.dt)))
+    u = np.concatenate([np.repeat(held[None], n, axis=0), future.u])
+    dt = np.concatenate([np.full(n, begin / max(n, 1)), future.dt])
+    said = f"{path.name} begins {begin:.6g} s from now: until then the newest inputs are held"
+    return Future(np.ascontiguousarray(u), dt), (said,) * (n > 1)
+
+
+def _read(plan: _Plan, path: Path, step: float) -> tuple[float, Future, Mapping[str, Vector]]:
+    """Time of the first row [s]; and what `rows_of_file` returns."""
+    basis, t = plan.basis, plan.time()
     if len(t) < 2 or not np.all(np.diff(t) > 0.0):
         raise DataError(f"{path}: expected two rows or more with a rising t [s]")
     fine, inputs, dynamic = _Fine.of(t, step), basis.model.inputs, len(basis.model.states) > 0
@@ -71,7 +96,7 @@ def rows_of_file(basis: Basis, path: Path, step: float) -> tuple[Future, Mapping
     planned = {one.name: plan.column(one) for one in basis.model.outputs if plan.has(one.name)}
     at_rows = {name: np.where(fine.first, column[fine.row], np.nan)
                for name, column in planned.items()}  # fmt: skip
-    return Future(np.ascontiguousarray(np.stack(u, axis=1)), fine.dt), at_rows
+    return float(t[0]), Future(np.ascontiguousarray(np.stack(u, axis=1)), fine.dt), at_rows
 
 
 class _Fine(NamedTuple):
@@ -109,12 +134,23 @@ class _Plan(NamedTuple):
 
     def time(self) -> Vector:
         """Stamps of the rows [s]."""
+        name, factor = self._clock
+        return self.table.column(name) * factor
+
+    @property
+    def dated(self) -> bool:
+        """Are they dates?"""
+        return self._clock[0] in self.table.dates
+
+    @property
+    def _clock(self) -> tuple[str, float]:
+        """The column of stamps, and its unit [s]."""
         for source in self.basis.setup.spec.source:
             name, factor = source.time.column, seconds_of(source.time.unit)
             if isinstance(name, str) and name in self.table.names and factor:
                 known = name in self.table.units or name in self.table.dates
-                return self.table.column(name) * (1.0 if known else factor)
-        return self.table.column("t")
+                return name, 1.0 if known else factor
+        return "t", 1.0
 
     def has(self, name: str) -> bool:
         """Is there a column of a channel?"""

@@ -33,7 +33,8 @@ def label(
     """Say to an event what you know: it acts at the next beat of a run, or on the next run.
 
     A false alarm counts in the rate of its detector and is no evidence again; a named cause is
-    tried first at the next tuning; faulty rows leave the window of fits.
+    tried first at the next tuning; faulty rows leave the window of fits. True, of what was learned
+    or of an alarm of a life, says that it is the machine and no sensor.
 
     Example: evertwin label arm.toml 41 cause --cause friction --reason "new grease"
     """

@@ -44,7 +44,7 @@ def run_twin(
                 f"[anomaly] requirement, such as '1 {unit}' or 0.05 of the rms",
                 err=True,
             )
-    odd = result.of_kind(*FINDINGS) or result.faults
+    odd = result.of_kind(*FINDINGS) or result.faults or result.missed
     if check and (odd or any(one.finding for one in result.left_out)):
         raise typer.Exit(1)
 

@@ -16,14 +16,14 @@ from evertwin.loop.follow import Followed
 from evertwin.loop.in_stream import as_is
 from evertwin.models import Parameters
 from evertwin.models.form import Version
-from evertwin.outcome.headline import also_pinned, failed_first, headline, wrong
+from evertwin.outcome.headline import also_pinned, failed_first, headline, unless_at_rest, wrong
 from evertwin.outcome.jumps import usual_most
 from evertwin.outcome.lives import lives
 from evertwin.outcome.open_trial import open_trial
 from evertwin.outcome.result import OutputFigures, RunResult
 from evertwin.outcome.spells import spell
 from evertwin.outcome.trace import Tail, Trace
-from evertwin.outcome.unjudged import unjudged
+from evertwin.outcome.unjudged import at_rest, unjudged
 from evertwin.setup.deviation import deviation, judged_deviation
 from evertwin.setup.setup import Setup
 from evertwin.setup.twin_state import TwinState
@@ -190,6 +190,7 @@ class Observer:
             measured = int(np.isfinite(trace["measured"]).any(axis=1).sum())
         failed = state.live.track.failed(self.events)
         said = headline(driver.setup, outputs, told, self.events, trial, measured)
+        said = unless_at_rest(said, still=at_rest(trace))
         said = failed_first(" ".join(filter(None, (unjudged(driver.setup, trace), said))), failed)
         pinned = state.agenda.pinned
         return RunResult(
@@ -204,6 +205,7 @@ class Observer:
             trial=trial,
             headline=also_pinned(said, champion.number, pinned=pinned), pinned=pinned,
             faults=wrong(driver.setup, outputs, self.events),
+            missed=missed(outputs, driver.setup.requirement),
             relative=self.setup.relative or not self.setup.decides, failed=failed,
         )  # fmt: skip
 
@@ -229,6 +231,12 @@ def succeeded(
         if event.kind == "promoted" and event.evidence.get("version") == champion.number:
             before = event.evidence.get("replaced", before)
     return (champion,) if before is None else (champion, versions[before])
+
+
+def missed(outputs: Mapping[str, OutputFigures], limit: float) -> tuple[str, ...]:
+    """Outputs that are off by more than is asked; none where all that are fit again."""
+    off = {name: f for name, f in outputs.items() if f.judged > limit}
+    return () if all(f.spell for f in off.values()) else tuple(off)
 
 
 def figures(setup: Setup, state: TwinState) -> dict[str, OutputFigures]:

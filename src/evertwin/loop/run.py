@@ -28,6 +28,7 @@ from evertwin.loop.carried import carried
 from evertwin.loop.driver import Driver
 from evertwin.loop.follow import Followed
 from evertwin.loop.observer import Observer
+from evertwin.loop.retold import Retold
 from evertwin.outcome.headline import first_of_rows
 from evertwin.outcome.open_faults import KINDS
 from evertwin.outcome.result import RunResult
@@ -97,6 +98,8 @@ class Run:
     _prints: Prints = field(default_factory=Prints, init=False)
     _from: int = field(default=0, init=False)
     """Row that the run went on from."""
+    _lost: bool = field(default=False, init=False)
+    """Is it over, and what it began with lost? Then its log says what came of it (`Retold`)."""
     _kept: int = field(default=0, init=False)
     """Row of the last checkpoint."""
     _due: float = field(default=0.0, init=False)
@@ -121,11 +124,11 @@ class Run:
         looked, feed = self._feed(), self._feed()
         place, settings = Place(None, 0), settings_hash(self.setup.spec)
         if lasting and not anew and not isinstance(data, Iterator):
-            place = find(self.ledger, looked.stream(data), settings)
+            place = find(self.ledger, looked.stream(data), settings, looked.moved)
         self._give_up(place.run, settings)
         self.anew, self._lasting = anew, lasting or self.every > 0
         self._due = began + SECONDS
-        rate, blocks = measured(later(feed.stream(data), place.offset))
+        rate, blocks = measured(later(feed.stream(data), place))
         self.setup = self.setup.at(rate)
         try:
             state, found = self._begun(place.run, {"settings": settings})
@@ -135,8 +138,8 @@ class Run:
             ):  # there is no rate because there are no rows
                 raise DataError(feed.why(f"{ALONE}: {error}")) from error
             raise
-        over = place.run is not None and place.run.over and found is not None
-        over = over and not self.log.repeats
+        again = place.run is not None and place.run.over
+        over = again and found is not None and not self.log.repeats
         for block in () if over else blocks:
             state = self.step(state, block)
         result = self.ended(state, began, over=over)
@@ -145,13 +148,14 @@ class Run:
         had = looked if over else feed
         said = first_of_rows(result.headline, had.left_out)
         aligned = (
-            replace(event, row=event.row - place.offset)
+            replace(event, row=event.row - place.offset, time=event.time - place.moved)
             for event in had.events
             if event.kind in ("gap", "leapt", "unknown", *KINDS) and event.row >= place.offset
         )
         events = tuple(sorted((*aligned, *result.events), key=lambda event: event.row))
         return replace(
             result,
+            began=result.samples if again else result.began,
             left_out=had.left_out,
             passed=place.offset,
             headline=said,
@@ -228,8 +232,11 @@ class Run:
         found = None if known is None else self._restored(known, feed)
         if known is not None and found is None and known.evidence.get("handed_on"):
             # what it began with is lost, so it cannot be repeated
-            self._give_up(None, evidence["settings"])
-            return self._begun(None, evidence, feed)
+            if not known.over:
+                self._give_up(None, evidence["settings"])
+                return self._begun(None, evidence, feed)
+            self._retell(known)
+            return self.driver.init(), None
         state: TwinState = self.driver.init() if found is None else found.state.twin
         if known is None:
             state = self._taken_up(state, evidence)
@@ -244,6 +251,14 @@ class Run:
         self.observer.trace.remembers = self._lasting
         self._kept = self._from = ledger.at = state.row
         return state, found
+
+    def _retell(self, known: Begun) -> None:
+        """What a run said is shown, and its rows as the versions predict them that were live."""
+        self._lost, self.driver.pinned = True, True  # nothing is decided
+        self.driver.log = lambda row, records: None
+        self.driver.outside = Retold.of(self.ledger.store, known)
+        self.observer.restore(self._said(known, known.last), {})
+        self.log = RunLog(self.ledger, known, (), self._prints)
 
     def _taken_up(self, state: TwinState, evidence: dict[str, Any]) -> TwinState:
         """What the run before hands on; kept with the first rows: its own checkpoints go then."""
@@ -310,7 +325,7 @@ class Run:
     ) -> None:
         """A checkpoint, where one is ``due``; of a run of pushed samples with what it needs beside
         it, and the number of the newest that was folded."""
-        if not self._lasting or self.log.repeats:
+        if not self._lasting or self.log.repeats or self.log.run.over:
             return
         now = time.perf_counter()
         passed = state.row - self._kept >= self.every if self.every else now >= self._due
@@ -328,6 +343,9 @@ class Run:
         if state.row == 0:
             return state
         state = self.driver.finish(state)
+        if self._lost:
+            pinned = self.log.run.evidence["pinned"]
+            return state._replace(agenda=state.agenda._replace(pinned=pinned))
         evidence: dict[str, Any] = {
             "tasks": state.task + 1, "elapsed": state.elapsed, "rows": state.row,
             "digest": self._prints.at(state.row), "given_up": False,
@@ -335,6 +353,6 @@ class Run:
         chunks = self.ledger.store.chunks if self.pushed else 0
         evidence |= {"chunks": chunks} if chunks else {}
         ran = Event(state.row, state.time, "ran", "", f"{state.task + 1} tasks", evidence)
-        kept = self._lasting and not self.pushed
+        kept = self._lasting and not self.pushed and not self.log.run.over
         self.log.say(state.row, [ran], self._of(Saved(state)) if kept else None)
         return state

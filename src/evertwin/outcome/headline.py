@@ -134,6 +134,16 @@ def also_pinned(told: str, version: int, *, pinned: bool) -> str:
     return told + said * pinned
 
 
+def unless_at_rest(told: str, *, still: bool) -> str:
+    """``told``, unless a twin is said to fit by rows at which nothing moved.
+
+    >>> unless_at_rest("The twin fits its machine, and nothing was changed.", still=True)
+    'Nothing moved, so whether the twin fits cannot be told, and nothing was changed.'
+    """
+    said = "Nothing moved, so whether the twin fits cannot be told"
+    return FITS.sub(said, told) if still else told
+
+
 def failed_first(told: str, failed: Failed | None) -> str:
     """``told``, after what the model could not compute; in its place, where that is all."""
     if failed is None:

@@ -18,6 +18,13 @@ else tells of it.
 >>> back = {"delta": {"x": -0.49}, "sigma": {"x": 0.01}, "onset": 90}
 >>> jumps([*events, Event(97, 0, "overruled", "pose", "", back)], {"x": ("m", "")})["pose"][:50]
 'pose stood x +50 cm apart from row 10 to 90 and ca'
+
+What an error of the sensor takes back is over, and was it:
+
+>>> away = {"cause": "away", "onset": 17, "end": 89}
+>>> jumps([*events, Event(90, 0, "measurement_error", "pose", "", away)],
+...       {"x": ("m", "")})["pose"]
+'pose stood x +50 cm apart from row 10 to 89 and came back: its sensor was off.'
 """
 
 from __future__ import annotations
@@ -28,6 +35,7 @@ from typing import Any
 import numpy as np
 
 from evertwin.fold import Event, Mark
+from evertwin.gauges.withdrawn import CAUSES
 from evertwin.models import Model
 from evertwin.signals.spoken import spoken
 from evertwin.types import ParameterVector, PerOutput
@@ -120,7 +128,7 @@ def believed(
     """Signal to a sentence about its largest clear jump by more than ``least``, whose it may be."""
     told = {}
     for signal, some in _seldom(events).items():
-        clear = [(event, *_farthest(event)) for event in some]
+        clear = [(event, *_farthest(event)) for event in some if event.kind == "overruled"]
         clear = [one for one in clear if one[3] > CLEAR and abs(one[2]) > least.get(one[1], 0.0)]
         if clear:
             event, name, delta, _ = max(clear, key=lambda one: one[3])
@@ -137,9 +145,17 @@ def _seldom(events: Sequence[Event]) -> Mapping[str, Sequence[Event]]:
     for event in events:
         if event.kind == "promoted":  # by what went before another model was overruled
             found.clear()
-        if event.kind == "overruled" and event.evidence.get("delta"):
+        if (event.kind == "overruled" and event.evidence.get("delta")) or _takes_back(event):
             found.setdefault(event.signal, []).append(event)
-    return {signal: some for signal, some in found.items() if len(some) < OFTEN}
+    often = {
+        signal: sum(event.kind == "overruled" for event in some) for signal, some in found.items()
+    }
+    return {signal: some for signal, some in found.items() if often[signal] < OFTEN}
+
+
+def _takes_back(event: Event) -> bool:
+    """Is it the error of a sensor whose rows had been believed?"""
+    return event.kind == "measurement_error" and event.evidence.get("cause") in CAUSES
 
 
 def _farthest(event: Event) -> tuple[str, float, float]:
@@ -157,15 +173,26 @@ def _told(
     """Of the last jump that is clear and was not the way back of one before."""
     least, gone = rule
     open_one: tuple[Event, str, float] | None = None
+    first: Any
     text = ""
     for event in some:
         known: Any = event.evidence
+        if _takes_back(event):
+            if open_one is not None and known["onset"] <= open_one[0].row <= known["end"]:
+                off = _by(signal, *open_one[1:], units)
+                first = open_one[0].evidence["onset"]
+                text = (
+                    f"{signal} stood {off} apart from row {first} to {known['end']} and came back: "
+                    "its sensor was off."
+                )
+                open_one = None
+            continue
         name, delta, size = _farthest(event)
         if open_one is not None and name == open_one[1] and _returns(delta, open_one[2]):
-            first: Any = open_one[0].evidence
+            first = open_one[0].evidence["onset"]
             text = (
                 f"{signal} stood {_by(signal, name, open_one[2], units)} apart from row "
-                f"{first['onset']} to {known['onset']} and came back: so does a sensor "
+                f"{first} to {known['onset']} and came back: so does a sensor "
                 "that is off; the model followed it meanwhile."
             )
             open_one = None

@@ -136,6 +136,8 @@ class RunResult:
     """What came of it, as one would tell a colleague."""
     faults: Mapping[str, str] = field(default_factory=dict)
     """Signals whose measurement is in error at the end, or stands apart from the model, and how."""
+    missed: tuple[str, ...] = ()
+    """Outputs that are off by more than is asked, and not on one stretch alone that is over."""
     relative: bool = True
     """Are outputs held to a share of their size?"""
     pinned: bool = False

@@ -16,6 +16,8 @@ PREDICTED = "Without a value of {}, nothing was predicted"
 JUDGED = "Without a value, nothing of {} was judged"
 LONG = 4.0
 """Rows without a measurement, by the usual ones, from which on one is missing."""
+WHITE = 1.2
+"""Scatter of all rows by that from row to row, up to which it is nothing but noise."""
 
 
 def unjudged(setup: Setup, trace: Mapping[str, np.ndarray]) -> str:
@@ -44,6 +46,25 @@ def unjudged(setup: Setup, trace: Mapping[str, np.ndarray]) -> str:
             part = f"in {100 * share:.0f} % of the rows (row {first} to {last})"
             said.append(f"{text.format(', '.join(names))} {part if share < 1.0 else 'in any row'}.")
     return " ".join(said)
+
+
+def at_rest(trace: Mapping[str, np.ndarray]) -> bool:
+    """Were all inputs zero, and all outputs nothing but noise about one value, in all rows? Then
+    no number of the model had anything to say.
+
+    >>> scatter = np.random.default_rng(0).normal(0.0, 1e-3, (500, 1))
+    >>> still = {"input": np.zeros((500, 1)), "measured": 2.0 + scatter}
+    >>> at_rest(still), at_rest({**still, "measured": scatter.cumsum(axis=0)})
+    (True, False)
+    """
+    u, y = trace.get("input", np.zeros((0, 0))), trace.get("measured", np.zeros((0, 0)))
+    if not u.size or not y.size or np.any(u[np.isfinite(u)] != 0.0):
+        return False
+    columns = [column[np.isfinite(column)] for column in y.T]
+    known = [column for column in columns if len(column) > 2]
+    return bool(known) and all(
+        np.std(column) <= WHITE * np.std(np.diff(column)) / np.sqrt(2.0) for column in known
+    )
 
 
 def _missing(measured: Vector, whole: bool) -> Bools:

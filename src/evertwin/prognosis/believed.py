@@ -31,6 +31,8 @@ MORE = 1.5
 """So many times what was in doubt a number has to have moved for the rest to be the machine's."""
 WEIGHS = (*SWITCHES, "rejected", "abnormal", "normal", "labelled", "maintained")
 """Events after which other numbers may count."""
+LEARNED = ("alarm", "drift", "normal", "promoted", "tuned")
+"""Events that tell of the machine: who calls one true says that it is no sensor."""
 
 
 @dataclass
@@ -256,7 +258,8 @@ class _Log:
         return None
 
     def _labelled(self, evidence: Any) -> None:
-        if evidence["verdict"] == "cause":
+        machine = evidence["verdict"] == "true" and evidence["kind"] in LEARNED
+        if machine or evidence["verdict"] == "cause":
             self.alike = {}
             for one in self.told:
                 one.alike = ()

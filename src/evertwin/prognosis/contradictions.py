@@ -29,7 +29,8 @@ FAR = 300.0
 FEW = 5
 """First values that tell on which side of the limit a life begins."""
 APART, YEARS = 10.0, 5.0
-"""A date lies far off beyond so many times the span of the others, and so many years."""
+"""A date lies far off beyond so many times the span of the others, and so many years; a row that
+stands between others in the file, beyond the former alone."""
 LONE = 1000.0
 """A count lies far off beyond so many times the span of the others."""
 SMALL = 0.05
@@ -138,6 +139,8 @@ def _odd(at: Vector, calendar: Calendar | None) -> int | None:
         ahead = np.flatnonzero(at > _tomorrow(calendar))
         if 0 < len(ahead) <= few:
             return int(ahead[0])
+    if np.any(np.diff(at) < 0.0) and np.all(np.diff(np.delete(at, apart)) >= 0.0):
+        far = APART * span  # nothing but these stands where it does not belong
     lonely = len(apart) <= few and span > 0.0 and gaps[k - 1] > far
     return int(apart.min()) if lonely else None
 

@@ -85,8 +85,8 @@ def uncounted(rule: IndicatorSpec, found: History, parameters: Parameters) -> tu
         told.append(f"{rule.name}: {value}, told at {at}, does not count: {left.why}")
     if alike:
         told.append(
-            f"{rule.name}: {'; '.join(alike)}; no alarm is raised by it until somebody says "
-            "which it is: evertwin label … cause"
+            f"{rule.name}: {'; '.join(alike)}; no alarm is raised before the limit is passed until "
+            "somebody says which it is: evertwin label … true (the machine), cause or faulty"
         )
     return tuple(told)
 

@@ -46,7 +46,7 @@ from evertwin.prognosis.laws.hypotheses import LAWS
 from evertwin.prognosis.laws.indicator import Direction
 from evertwin.prognosis.like_machines import Likes, fleet_of
 from evertwin.prognosis.lives import ComponentLife, Lives, said
-from evertwin.prognosis.steps import check_steps, shift_of
+from evertwin.prognosis.steps import back_of, check_steps, shift_of
 from evertwin.prognosis.value_columns import CLOCKS, value_columns
 from evertwin.settings.quantity import written
 from evertwin.signals.units import compatible, from_si, to_si
@@ -115,7 +115,8 @@ def life_of_series(asked: Series, *, drawn: bool = False) -> Lives:
     if asked.from_today:
         own = seen(own, today_of((own,)))
     life = unless_overdue(own, predict_life(own, fleet=fleet))
-    told = (*unlike, *_shifted(own, fleet, known.lines), *_away(own, life))
+    told = (*unlike, *_shifted(own, fleet, known.lines), *_stepped_back(own, known.lines))
+    told += _away(own, life)
     own = own.with_(notes=(*own.notes, *told))
     one = ComponentLife(column, rule, own, life, life, Formula.parse("1"), fleet=fleet)
     if drawn and isinstance(life, Life):
@@ -143,6 +144,19 @@ def _shifted(own: Indicator, fleet: Fleet | None, lines: Sequence[int]) -> tuple
         f"{own.shown(sign * shift.after)} at once in row {lines[shift.row]} and goes on as before: "
         "was its sensor exchanged, or the part set anew? Then write adjusted there in a column "
         f"maintenance, for which this would be told: {said(other)}",
+    )
+
+
+def _stepped_back(own: Indicator, lines: Sequence[int]) -> tuple[str, ...]:
+    """Asks whether a part was replaced, where a level went back to its begin and nobody says so."""
+    back = back_of(own)
+    if back is None:
+        return ()
+    sign = own.limit.sign
+    return (
+        f"{own.name} steps back from {own.shown(sign * back.before)} to "
+        f"{own.shown(sign * back.after)}, about where its life began, in row {lines[back.row]}: "
+        "was the part replaced there? Then write replaced there in a column maintenance",
     )
 
 

@@ -221,19 +221,21 @@ class Prospect:
             if old is None or one.urgency < old.urgency:
                 components[one.component] = one
         due = (
-            alarm_of(name, one.indicator, one.life, self.rule.ahead, self.rule.risk)
+            alarm_of(
+                name, one.indicator, one.life, self.rule.ahead, self.rule.risk,
+                self._in_doubt(one.rule),
+            )
             for name, one in components.items()
-            if not self._in_doubt(one.rule)
-        )
+        )  # fmt: skip
         return Lives(
             spec.name, self.rule.clock, components, self._machine(components),
             tuple(alarm for alarm in due if alarm is not None), dates=self.dates,
             indicators=every, left_out=self.history.notes, now=self.now,
         )  # fmt: skip
 
-    def _in_doubt(self, rule: IndicatorSpec) -> bool:
-        """May it be a sensor that looks as the wear does?"""
-        return self.table is None and bool(self.history.in_doubt(names_of(rule)))
+    def _in_doubt(self, rule: IndicatorSpec) -> tuple[str, ...]:
+        """What would look as the wear does."""
+        return () if self.table is not None else self.history.in_doubt(names_of(rule))
 
     @property
     def dates(self) -> tuple[float, ...]:

@@ -5,6 +5,9 @@
 requirement on the tests: not reached: y is off by 44 mV (limit 5 mV)
 >>> held.by("z"), held.reached
 (True, False)
+>>> print(held._replace(outputs={"y": (0.0, "0 mV", "5 mV")}, tested=False, few=0))
+requirement on what it learned from: not known, for too few values tell it (0): y is off by 0 mV \
+(limit 5 mV)
 """
 
 from __future__ import annotations
@@ -48,11 +51,14 @@ class Held(NamedTuple):
     """Rows that the model could not compute: whether it is reached there, nobody knows."""
     silent: tuple[str, ...] = ()
     """Watched outputs of which no row counts, as where a joint stands."""
+    few: int = -1
+    """Values, less the numbers that were tuned to them, where these are too few to tell it; −1:
+    enough."""
 
     @property
     def reached(self) -> bool:
-        """By all outputs, at all rows."""
-        return self.failed is None and all(map(self.by, self.outputs))
+        """By all outputs, at all rows, by enough of them."""
+        return self.failed is None and self.few < 0 and all(map(self.by, self.outputs))
 
     def by(self, name: str) -> bool:
         """By one output, at the rows that the model could compute."""
@@ -80,6 +86,8 @@ class Held(NamedTuple):
         if self.failed and not far:
             rows = f"{self.failed.rows} of {self.failed.of}"
             reached = f"not known at {rows} rows, that the model could not compute; at the others"
+        elif self.few >= 0 and not far:
+            reached = f"not known, for too few values tell it ({self.few})"
         advice = f"; {self.advice}" if far and self.advice else ""
         silent = f"; no row tells of {', '.join(self.silent)}" if self.silent else ""
         return f"requirement {where}: {reached}: {told}{silent}{advice}"

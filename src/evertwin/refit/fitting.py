@@ -64,6 +64,8 @@ from evertwin.tuning.tangent import leaning, searched, told
 from evertwin.types import ParameterVector
 
 SEEK = "[correction] channels, terms and in_fit = true seek what the form lacks"
+LEFT = 10
+"""Values beside as many as there are numbers, from which on what is left of them tells anything."""
 Watch: TypeAlias = Callable[[int, float], bool]
 """Called with (evaluations so far, cost) while a search runs; False ends it, best so far kept."""
 
@@ -261,7 +263,7 @@ def fit(
         model.parameters.with_values(found.p), formed.form, done.unknown, formed.search,
         tuple(tuple(one.begun) for _, one in tests),
         done.feed.left_out, _spoiled(model, done.tasks),
-        _held(setup, model, found.p, (own, together), failed if tests else done.screened.failed),
+        _held(setup, model, found, (own, together), failed if tests else done.screened.failed),
         Failed.together([done.screened.failed, failed]), done.screened.unknown,
         doubt, seen_sizes(setup, own),
     )  # fmt: skip
@@ -285,14 +287,14 @@ def _open(fit: Fit, doubted: Sequence[str]) -> Fit:
 
 
 def _held(
-    setup: Setup, model: Model, p: ParameterVector,
+    setup: Setup, model: Model, found: Fit,
     seen: tuple[list[Prediction], list[Prediction]], failed: Failed | None,
 ) -> Held | None:  # fmt: skip
     """Is the requirement reached on what was not learned from, or else on what was? None: there is
     none. ``seen``: predictions of either; ``failed``: rows that have none."""
     if not math.isfinite(setup.requirement):
         return None
-    off = as_required(setup, model, p, seen[1] or seen[0]).tolist()
+    off = as_required(setup, model, found.p, seen[1] or seen[0]).tolist()
     outputs = {
         name: (off[k], setup.shown(k, off[k]), setup.shown(k, setup.requirement))
         for k, name in enumerate(model.outputs.names)
@@ -301,7 +303,12 @@ def _held(
     advice = "" if setup.static or setup.spec.correction.in_fit else SEEK
     names = zip(model.outputs.names, setup.watched, strict=True)
     silent = tuple(name for name, asked in names if asked and name not in outputs)
-    return Held(setup.requirement, setup.relative, bool(seen[1]), outputs, advice, failed, silent)
+    counts = [(np.isfinite(w.residual) & w.moving)[:, setup.watched] for w in seen[1] or seen[0]]
+    left = int(sum(map(np.count_nonzero, counts))) - (0 if seen[1] else len(found.names))
+    few = max(left, 0) if left < LEFT else -1
+    return Held(
+        setup.requirement, setup.relative, bool(seen[1]), outputs, advice, failed, silent, few
+    )
 
 
 def _spoiled(model: Model, tasks: tuple[Block, ...]) -> dict[str, int]:

@@ -95,6 +95,12 @@ def too_early(setup: Setup, problem: Problem) -> float:
     return max(Selection().least * horizon - seconds, 0.0)
 
 
+def _mixed(problem: Problem) -> bool:
+    """Do rows of the machine as it was stand out among these?"""
+    with np.errstate(all="ignore"):
+        return likely(unchanged(problem)) > 0
+
+
 def _judged(setup: Setup, problem: Problem, fit: Fit) -> Verdict:
     refits = {}
     there, own = problem.model.parameters.names, beginning(problem.model, problem.names)
@@ -117,9 +123,10 @@ def _judged(setup: Setup, problem: Problem, fit: Fit) -> Verdict:
     if setup.spec.correction.terms:
         return replace(found, kind="abnormal", reason=f"{short}: the form does not reach it")
     part = explained(fit, fit.noise)
-    if found.cause or part >= NEARLY_ALL:  # the window may hold rows of the machine as it was
+    if found.cause:
         evidence = {**found.evidence, "short": part < NEARLY_ALL}
         return replace(found, reason=f"{found.reason}; {short}", evidence=evidence)
     reason = f"{short}, and explains {100 * part:.0f} %: the form does not reach it"
+    reason += ", or some rows are of the machine as it was" if _mixed(problem) else ""
     reason += "" if setup.static else "; [correction] terms names none that may be tried"
-    return replace(found, kind="abnormal", reason=reason, alone=True)
+    return replace(found, kind="abnormal", reason=reason, alone=part < NEARLY_ALL)

@@ -31,7 +31,9 @@ def tunable(setup: Setup, cause: str) -> tuple[str, ...]:
         UsageError: there is no such cause, or none of its numbers may be.
     """
     if cause not in setup.causes:
-        known = ", ".join(setup.causes) or "none: name some in [tuning.causes]"
+        known = ", ".join(setup.causes) or (
+            "none: name some in [tuning.causes], or say true: then it is the machine"
+        )
         raise UsageError(f"no cause {cause!r}: there are {known}")
     found = tuple(name for name in setup.causes[cause] if name in setup.editable)
     if not found:

@@ -60,6 +60,8 @@ class Feed:
     """What the alignment said of the samples so far."""
     files: dict[str, list[Path]] = field(default_factory=dict)
     """By source, in the order in which they were read."""
+    moved: dict[int, int] = field(default_factory=dict)
+    """Tasks so far whose stamps were moved behind those of the task before, by how much [ns]."""
 
     def blocks(self, data: Data = None) -> Iterator[Block]:
         """One block a task, cropped; row numbers and tasks run on over all of them.
@@ -180,14 +182,14 @@ class Feed:
         """
         held = given(self.spec, self.model, data)
         if held is not None:
-            yield from merge([self._held(one) for one in held])
+            yield from merge([self._held(one) for one in held], moved=self.moved)
             return
         parts = _parts(data)
         if all(part.whole for part in parts):
             files = files_of(self.spec, [part.path for part in parts])
             for paths in files.values():
                 each_once([Excerpt(path) for path in paths])
-            yield from self._merged(files)
+            yield from self._merged(files, self.moved)
             return
         each_once(parts)
         task = 0
@@ -212,11 +214,13 @@ class Feed:
         """What follows from the rows that were left out, behind them."""
         return "; ".join([*map(str, self.left_out), so])
 
-    def _merged(self, files: Mapping[int, tuple[Path, ...]]) -> Iterator[Chunk]:
+    def _merged(
+        self, files: Mapping[int, tuple[Path, ...]], moved: dict[int, int] | None = None
+    ) -> Iterator[Chunk]:
         sources = [
             self._recorded(self.spec.source[i], paths).read() for i, paths in files.items() if paths
         ]
-        return merge(sources)
+        return merge(sources, moved=moved)
 
     def _wanted(self, data: Any) -> list[SourceSpec]:
         """The sources that have files."""

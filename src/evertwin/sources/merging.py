@@ -41,12 +41,15 @@ MOST = 2048
 """Samples of a source in one window."""
 
 
-def merge(sources: Sequence[Iterator[Chunk]], gap: int = GAP) -> Iterator[Chunk]:
+def merge(
+    sources: Sequence[Iterator[Chunk]], gap: int = GAP, moved: dict[int, int] | None = None
+) -> Iterator[Chunk]:
     """Chunks of all sources by stamp, task by task.
 
     Args:
         sources: one iterator per source, each in order of task and stamp.
         gap: distance [ns] from the end of a task to the start of one that had to be moved.
+        moved: is told of each task that is moved, by its number, by how much [ns].
 
     Raises:
         DataError: the sources have different numbers of tasks, or do not overlap in time.
@@ -59,10 +62,13 @@ def merge(sources: Sequence[Iterator[Chunk]], gap: int = GAP) -> Iterator[Chunk]
             raise DataError("the sources have different numbers of tasks: give each the same files")
         start = min(int(h.chunk.t[0]) for h in heads if h.chunk)
         shift = 0 if end is None or start > end else end + gap - start
-        for chunk in _one_task(heads, tasks.pop()):
-            moved = chunk._replace(t=chunk.t + shift) if shift else chunk
-            end = int(moved.t[-1]) if end is None else max(end, int(moved.t[-1]))
-            yield moved
+        task = tasks.pop()
+        if moved is not None and shift:
+            moved[task] = shift
+        for chunk in _one_task(heads, task):
+            there = chunk._replace(t=chunk.t + shift) if shift else chunk
+            end = int(there.t[-1]) if end is None else max(end, int(there.t[-1]))
+            yield there
 
 
 def _one_task(heads: Sequence[_Head], task: int) -> Iterator[Chunk]:

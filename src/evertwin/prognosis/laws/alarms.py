@@ -6,7 +6,8 @@ failure of one whose own growth does not stand out, unless their lives end at it
 once, not at every look, and again when it had cleared and returns; a failure that was due has
 cleared when its risk is half of the accepted one, so that a risk that wavers is no flood. A day has
 a budget: the most urgent are raised first, the rest is held back, shown and counted. That a limit
-is passed is never held back.
+is passed is never held back: somebody has to look, also where a sensor would look the same, and
+then the alarm says so. What is ahead waits until somebody says which it is.
 
 >>> from evertwin.prognosis.laws.indicator import Indicator, Limit
 >>> from evertwin.prognosis.laws.life import LEVELS, Life
@@ -71,8 +72,9 @@ class Spent(NamedTuple):
 
 
 def alarm_of(
-    component: str, indicator: Indicator, life: Life | NotEnough, ahead: float | None, risk: float
-) -> Alarm | None:
+    component: str, indicator: Indicator, life: Life | NotEnough, ahead: float | None, risk: float,
+    alike: Sequence[str] = (),
+) -> Alarm | None:  # fmt: skip
     """The alarm that is due for a component, if any.
 
     Args:
@@ -82,6 +84,7 @@ def alarm_of(
         ahead: time within which a failure has to be foreseen, in the indicator's clock; None:
             `LEAD` of the whole life.
         risk: probability of failure that is not accepted.
+        alike: what would look the same as its wear.
     """
     known = indicator.value[np.isfinite(indicator.value)]
     value = float(known[-1]) if len(known) else float("nan")
@@ -91,6 +94,8 @@ def alarm_of(
     }  # fmt: skip
     limit = indicator.shown(indicator.limit.value)
     shown = f"{indicator.name} is {indicator.shown(value)}, limit {limit}"
+    if alike and (isinstance(life, NotEnough) or life.median > 0.0):
+        return None
     if isinstance(life, NotEnough):
         if life.onset is None:
             return None
@@ -108,8 +113,14 @@ def alarm_of(
     evidence |= {"probability": chance, "ahead": ahead, "law": life.law, "median": life.median}
     if life.median <= 0.0:
         reason = f"{shown}: {'it has failed' if life.failed else 'the limit is passed'}"
-        return Alarm(component, "limit_passed", reason, interval,
-                     f"maintain {component} now", evidence)  # fmt: skip
+        action = f"maintain {component} now"
+        if alike:
+            reason, evidence = "; ".join((reason, *alike)), evidence | {"doubt": [*alike]}
+            action = (
+                f"look at {component} and at its sensor now; then say which it is: evertwin label "
+                "… true (the machine) or false alarm (the sensor)"
+            )
+        return Alarm(component, "limit_passed", reason, interval, action, evidence)
     if chance > risk:
         until = f"{high:.3g}" if np.isfinite(high) else "without end"
         reason = (
