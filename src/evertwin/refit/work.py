@@ -46,7 +46,7 @@ from evertwin.refit.judgement import judged, numbers_first, of_the_form
 from evertwin.refit.named_cause import named_first
 from evertwin.refit.newest import after, newer, newest
 from evertwin.refit.physical import embodied, passive
-from evertwin.refit.posterior import posterior
+from evertwin.refit.posterior import posterior, sentences
 from evertwin.refit.recovered import recovered
 from evertwin.refit.recursive_fit import Recursion
 from evertwin.refit.retold import retold
@@ -356,18 +356,19 @@ class Work(Tuner):
             return {"events": events, "candidate": tuned}
         values = dict(zip(proposal.names, proposal.p.tolist(), strict=True))
         old = dict(zip(version.names, version.p.tolist(), strict=True))
-        said = {one.removesuffix(" (weak)"): one for one in (found[1].moved if found else ())}
+        weak = {one.removesuffix(" (weak)"): one for one in (found[1].moved if found else ())}
         names = [one for one in base.parameters.names if values.get(one) != old.get(one)]
-        moved = {one: said.get(one, one) for one in names}
+        moved = {one: weak.get(one, one) for one in names}
         first = (f"tuned {', '.join(moved.values())}",) if moved else ()
         alike = {kind(gain.term.kind).alike for gain in proposal.gains if gain.term.channel == "*"}
-        reason = "; ".join((*first, *proposal.describes, *sorted(alike - {""})))
+        model = self.versions.model_of(proposal.form)
+        fit = posterior(self.setup, model, proposal, windows, tuple(moved))
+        told = *first, *sentences(self.setup, proposal, fit), *sorted(alike - {""})
+        reason = "; ".join(told)
         return {
             "events": [event("corrected", "", reason, evidence)],
             "lacking": len(proposal.unseen),
-            "fit": posterior(
-                self.setup, self.versions.model_of(proposal.form), proposal, windows, tuple(moved)
-            ),
+            "fit": fit,
             "candidate": self.candidate(proposal.form, values, proposal.scale, reason, windows),
         }
 
