@@ -1,4 +1,4 @@
-"""``${NAME}`` stands in any text: in a quantity with its unit, in a length of the stream, in a word."""
+"""``${NAME}`` stands in any text: a quantity with its unit, a length of the stream, a word."""
 
 from __future__ import annotations
 

@@ -79,8 +79,8 @@ def rebuild(path: Path, why: StoreError) -> Event:
     if not mine and path.stat().st_size > 0:
         said = str(why).removesuffix(": check the disk")
         raise type(why)(
-            f"{said}: nothing in it is a store's, so it stays as it is: move it away to begin anew, "
-            "or name another file in [store] path"
+            f"{said}: nothing in it is a store's, so it stays as it is: move it away to begin "
+            "anew, or name another file in [store] path"
         ) from why
     fresh, corrupt = Path(f"{path}.new"), _free(path)
     for old in (fresh, Path(f"{fresh}-wal"), Path(f"{fresh}-shm")):
