@@ -344,7 +344,6 @@ class Work(Tuner):
         return self._corrected(version, windows)
 
     def _corrected(self, version: Version, windows: Windows) -> dict[str, Any]:
-        base: Model = self.setup.model
         found, starts = self._tuned_alone(version, windows), [version]
         if found:  # what numbers of the model explain no term has to
             starts.insert(0, replace(version, values=tuple(found[1].p.tolist())))
@@ -357,14 +356,14 @@ class Work(Tuner):
         values = dict(zip(proposal.names, proposal.p.tolist(), strict=True))
         old = dict(zip(version.names, version.p.tolist(), strict=True))
         weak = {one.removesuffix(" (weak)"): one for one in (found[1].moved if found else ())}
-        names = [one for one in base.parameters.names if values.get(one) != old.get(one)]
-        moved = {one: weak.get(one, one) for one in names}
+        names = self.setup.model.parameters.names
+        moved = {n: weak.get(n, n) for n in names if values.get(n) != old.get(n)}
         first = (f"tuned {', '.join(moved.values())}",) if moved else ()
         alike = {kind(gain.term.kind).alike for gain in proposal.gains if gain.term.channel == "*"}
         model = self.versions.model_of(proposal.form)
         fit = posterior(self.setup, model, proposal, windows, tuple(moved))
-        told = *first, *sentences(self.setup, proposal, fit), *sorted(alike - {""})
-        reason = "; ".join(told)
+        said = sentences(self.setup, proposal, fit)
+        reason = "; ".join((*first, *said, *sorted(alike - {""})))
         return {
             "events": [event("corrected", "", reason, evidence)],
             "lacking": len(proposal.unseen),
