@@ -57,9 +57,9 @@ def absorbed(
     names = list[str]()
     for k in parts:
         part = stack.parts[k]
-        if not part.kind.gain:
-            continue
         local = [one.name for one in part.kind.parameters(part.term, "1", "1")]
+        if part.kind.gain not in local:
+            continue
         at = local.index(part.kind.gain)
         gain, name = part.values[at], stack.model.parameters.names[stack.first(k) + at]
         if neutral := gain == 1.0:  # is it the number's, too, once it is another one?
