@@ -46,6 +46,14 @@ class UsageError(EvertwinError):
     exit_code = 2
 
 
+class NotYet(UsageError):
+    """Asked too early: the same call can be meant a little later.
+
+    >>> NotYet("arm is starting").exit_code
+    2
+    """
+
+
 class ConfigError(UsageError):
     """A twin file that does not say what it must.
 

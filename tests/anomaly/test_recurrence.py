@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from evertwin.anomaly.recurrence import Place, Recurrence
 
@@ -39,3 +40,15 @@ def test_places_are_told_apart_from_where_nothing_was() -> None:
     state, place = STAGE.found(state, rows)
     assert place is not None and STAGE.inside(state, rows).mean() < 0.05
     assert np.isnan(state.met).all()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_no_place_is_narrower_than_what_its_channel_scatters_by(seed: int) -> None:
+    """A machine that goes at one speed, whose measured acceleration is nothing but noise."""
+    rng = np.random.default_rng(seed)
+    rows, stage = rng.normal(0.0, 0.01, (5000, 1)), Recurrence(inputs=1)
+    state = stage.init()
+    for value in (0.0030, 0.0031, 0.0031, 0.0032):
+        state = stage.met(state, np.array([value]))
+    assert stage.found(state, rows)[1] is not None
+    assert stage.found(state, rows, stage.noise(rows))[1] is None

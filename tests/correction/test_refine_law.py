@@ -9,15 +9,17 @@ import numpy as np
 import pytest
 
 from evertwin.correction import refine_law as module
+from evertwin.correction.describe import describe
 from evertwin.correction.refine_law import Refined, refine_law
 from evertwin.correction.sarsa import learn_table
 from evertwin.correction.sarsa_settings import SarsaSettings
+from evertwin.correction.stack import stack_of
 from evertwin.errors import DataError
 from evertwin.fold import Block, make_block, take
 from evertwin.machines.mobile import Robot1D
 from evertwin.models import FunctionModel, Parameters
 from evertwin.models.corrected import Corrected
-from evertwin.models.form import Term
+from evertwin.models.form import Form, Term
 from evertwin.models.terms.registry import kind
 from evertwin.signals import Layout
 
@@ -84,7 +86,9 @@ def test_the_terms_make_a_model_that_predicts() -> None:
 
 
 def test_the_findings_are_said_in_words() -> None:
-    said = refined(record("clamp", 0.1, 4)).describes
+    found = refined(record("clamp", 0.1, 4))
+    stack = stack_of(ROBOT, Form(found.terms), np.array([*P, *found.values.values()]))
+    said = ", ".join(describe(stack)).split(", ")
     assert said[0].startswith("v: start threshold 0.0")
     assert said[0].endswith("m/s (clamp)")
     assert any("saturation at 0.1" in sentence for sentence in said)

@@ -210,6 +210,8 @@ def test_the_operators_hand_outlives_the_process(tmp_path: Path) -> None:
             second.rollback()
         second.pin(None)
         assert not second.pinned
+        with pytest.raises(UsageError, match="no version is pinned"):
+            second.pin(None)
         with pytest.raises(UsageError, match="there are versions 0 to"):
             second.pin(99)
         with pytest.raises(UsageError, match="version: there are 0 to"):

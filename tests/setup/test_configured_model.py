@@ -9,7 +9,7 @@ import pytest
 
 from evertwin.config.read import read
 from evertwin.config.spec import ModelSpec, ParameterSpec, SignalSpec, TwinSpec
-from evertwin.errors import ConfigError, UsageError
+from evertwin.errors import ConfigError, ModelError, UsageError
 from evertwin.setup.configured_model import model_of
 
 TEMPLATE = Path(__file__).parents[2] / "twins" / "template_model.py"
@@ -82,3 +82,20 @@ def test_a_python_file_that_is_not_there_or_holds_no_model(tmp_path: Path) -> No
         model_of(python(tmp_path / "tank.py"))
     with pytest.raises(ConfigError, match="expected a model called 'tank'; there are model"):
         model_of(python(TEMPLATE, "tank"))
+
+
+@pytest.mark.parametrize(
+    ("code", "said"),
+    [
+        ("x = (", r"own\.py:1: SyntaxError"),
+        (TEMPLATE.read_text() + "\nx = [][3]\n", r"own\.py:\d+: IndexError"),
+        (TEMPLATE.read_text().replace("p[1]", "p[7]"), r"own\.py:\d+: IndexError"),
+    ],
+)
+def test_code_that_fails_is_a_model_that_cannot_be_built(
+    tmp_path: Path, code: str, said: str
+) -> None:
+    (tmp_path / "own.py").write_text(code)
+    with pytest.raises(ModelError, match=said) as told:
+        model_of(python(tmp_path / "own.py"))
+    assert told.value.exit_code == 5

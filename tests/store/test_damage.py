@@ -294,3 +294,28 @@ def test_what_is_no_store_is_left_alone(tmp_path: Path, caplog: pytest.LogCaptur
             SqliteStore(other)
         assert other.read_bytes() == content
         other.unlink()
+
+
+def test_a_store_of_no_bytes_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "robot.db"
+    path.touch()
+    store = SqliteStore(path)
+    (event,) = store.read("event")
+    assert event.kind == "recovered"
+    assert "whatever its log held is gone, all versions with it" in event.reason
+    assert (tmp_path / "robot.db.corrupt.1").stat().st_size == 0
+    store.close()
+    again = SqliteStore(path)
+    assert again.recovered is None
+    again.close()
+
+
+def test_what_is_no_store_says_what_to_do(tmp_path: Path) -> None:
+    path = tmp_path / "robot.db"
+    path.write_text("no store\n")
+    for log in (None, b""):
+        if log is not None:
+            Path(f"{path}-wal").write_bytes(log)
+        with pytest.raises(StoreError, match="it stays as it is: move it away to begin anew"):
+            SqliteStore(path)
+        assert path.read_text() == "no store\n"

@@ -76,13 +76,17 @@ class Recurrence:
         """One more contact, with the inputs in its middle."""
         return state._replace(met=np.concatenate([u[None], state.met[:-1]]))
 
-    def found(self, state: RecurrenceState, rows: Inputs) -> tuple[RecurrenceState, Place | None]:
+    def found(
+        self, state: RecurrenceState, rows: Inputs, noise: Vector | None = None
+    ) -> tuple[RecurrenceState, Place | None]:
         """A place at which contacts come again; those that told of it are forgotten.
 
         Args:
             state: of the contacts.
             rows: inputs while the machine moved, (n, nu).
+            noise: what each input scatters by, (nu,): no place is narrower.
         """
+        finest = np.zeros(self.inputs) if noise is None else noise
         known = np.isfinite(state.met).all(axis=1)
         met = state.met[known]
         best, least = None, CHANCE
@@ -91,7 +95,8 @@ class Recurrence:
             for times in range(FEWEST, len(met) + 1):
                 spans = values[times - 1 :] - values[: len(values) - times + 1]
                 first = int(np.argmin(spans))
-                low, high = float(values[first]), float(values[first + times - 1])
+                low = float(values[first] - finest[column])
+                high = float(values[first + times - 1] + finest[column])
                 there = float(np.mean((rows[:, column] >= low) & (rows[:, column] <= high)))
                 there = max(there, 1.0 / len(rows))
                 ways = math.comb(len(met), times) * times * self.inputs
@@ -108,6 +113,20 @@ class Recurrence:
         rest = state.met[known & ((values < best.low) | (values > best.high))]
         left[: len(rest)] = rest
         return RecurrenceState(left, places), best
+
+    @staticmethod
+    def noise(rows: Inputs) -> Vector:
+        """What inputs scatter by from row to row, (nu,), beside what goes on; rows in order.
+
+        >>> scatter = np.random.default_rng(0).normal(0.0, 0.1, 500)
+        >>> way = np.arange(500.0)
+        >>> Recurrence.noise(np.stack([way, way + scatter], axis=1)).round(2).tolist()
+        [0.0, 0.1]
+        """
+        bends = np.diff(rows, 2, axis=0)
+        if not np.isfinite(bends).all(axis=1).any():
+            return np.zeros(rows.shape[1])
+        return np.asarray(np.nanmedian(np.abs(bends), axis=0) / (0.6745 * math.sqrt(6.0)))
 
     def inside(self, state: RecurrenceState, u: Inputs) -> Bools:
         """Which rows are at a place, (n,)."""

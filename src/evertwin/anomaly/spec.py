@@ -12,7 +12,7 @@ from annotated_types import Ge, Le
 from evertwin.errors import UsageError
 from evertwin.fold.span import Span
 from evertwin.settings.kinds import Duration, Positive, Seconds, Size
-from evertwin.settings.notes import Rows
+from evertwin.settings.notes import Rows, expand
 from evertwin.settings.quantity import written
 from evertwin.settings.section import Section
 from evertwin.signals.units import si_unit
@@ -80,7 +80,10 @@ class AnomalySpec(Section):
     def prepare(cls, table: Mapping[str, Any]) -> Mapping[str, Any]:
         """A requirement with a unit is absolute: "2 cm", or "6 deg", is a share of nothing."""
         value = table.get("requirement")
-        unit = written(value)[1] if isinstance(value, str) else ""
+        try:
+            unit = written(expand(value))[1] if isinstance(value, str) else ""
+        except UsageError:  # told of the setting itself
+            return table
         if not unit or si_unit(unit) == "1":
             return table
         if table.get("relative") is True:

@@ -15,6 +15,7 @@ from evertwin.doctor.finding import SHOWN
 from evertwin.fold import plain
 from evertwin.models.form import Version
 from evertwin.outcome.result import RunResult
+from evertwin.store import SqliteStore
 from evertwin.twin import Twin
 from evertwin.types import Json
 
@@ -60,7 +61,9 @@ def _run(
     opened: Twin, data: Files, *, again: bool = False, workers: int | None = None
 ) -> RunResult:
     """Runs it; what goes on, and which rows were not run now, goes to stderr."""
-    progress = Progress()
+    progress, store = Progress(), opened.store
+    if isinstance(store, SqliteStore) and store.recovered is not None:
+        typer.echo(f"evertwin: {store.path}: {store.recovered.reason}", err=True)
     result = opened.run(recordings(data), progress, again=again, workers=workers)
     progress.close()
     for line in _went_on(result):

@@ -25,10 +25,22 @@ from dataclasses import replace
 import numpy as np
 
 from evertwin.correction.evidence import Evidence, mean_deviation
+from evertwin.correction.fitting import settled
 from evertwin.correction.stack import Stack
 
+PROBED = 1.05
+"""Gain that is tried where a law has none."""
 SAME = 1e-3
 """Residuals that differ by no more than this share of what the gain moves them are the same."""
+
+
+def plainest(
+    stack: Stack, parts: Sequence[int], numbers: Sequence[str], evidence: Evidence
+) -> tuple[Stack, tuple[str, ...]]:
+    """`absorbed`, once what changes nothing is neutral, without the parts that are all neutral."""
+    settle = settled(stack, parts, evidence)
+    found, taken = absorbed(settle, parts, numbers, evidence)
+    return _acting(found, parts), taken
 
 
 def absorbed(
@@ -45,23 +57,30 @@ def absorbed(
     names = list[str]()
     for k in parts:
         part = stack.parts[k]
-        values = part.kind.behind_gain(part.term, part.values)
-        if values == part.values:
-            continue
         local = [one.name for one in part.kind.parameters(part.term, "1", "1")]
+        if part.kind.gain not in local:
+            continue
         at = local.index(part.kind.gain)
         gain, name = part.values[at], stack.model.parameters.names[stack.first(k) + at]
-        own = replace(part, values=values)
-        bare = replace(stack, parts=(*stack.parts[:k], own, *stack.parts[k + 1 :]))
+        if neutral := gain == 1.0:  # is it the number's, too, once it is another one?
+            gain = PROBED
+        asked = (*part.values[:at], gain, *part.values[at + 1 :])
+        values = part.kind.behind_gain(part.term, asked)
+        if values == asked:
+            continue
+        whole, bare = (
+            replace(stack, parts=(*stack.parts[:k], replace(part, values=v), *stack.parts[k + 1 :]))
+            for v in (asked, values)
+        )
         for number in numbers:
             place = stack.base.parameters.index(number)
             inner = list(stack.inner)
             inner[place] *= gain
             item = stack.base.parameters[number]
             taken = replace(bare, inner=tuple(inner))
-            if item.low <= inner[place] <= item.high and _same(stack, taken, bare, evidence):
+            if item.low <= inner[place] <= item.high and _same(whole, taken, bare, evidence):
                 names.append(name)
-                stack = taken
+                stack = stack if neutral else taken
                 break
     return stack, tuple(names)
 
@@ -71,3 +90,13 @@ def _same(stack: Stack, taken: Stack, bare: Stack, evidence: Evidence) -> bool:
     e, same, without = (evidence.residual(one.model, one.p) for one in (stack, taken, bare))
     moved, off = (mean_deviation(evidence.deviations(r - e)) for r in (without, same))
     return bool(np.isfinite(off) and off <= SAME * moved)
+
+
+def _acting(stack: Stack, parts: Sequence[int]) -> Stack:
+    """Without those of these parts whose numbers are all neutral."""
+    neutral = stack.model.parameters.values
+    for k in sorted(parts, reverse=True):
+        own = slice(stack.first(k), stack.first(k) + len(stack.parts[k].values))
+        if np.array_equal(stack.p[own], neutral[own]):
+            stack, neutral = stack.without(k), np.delete(neutral, own)
+    return stack

@@ -38,11 +38,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.special import ndtri, stdtr
 
-from evertwin.correction.absorbed import absorbed
+from evertwin.correction.absorbed import plainest
 from evertwin.correction.candidates import propose, unstarted
 from evertwin.correction.describe import describe
 from evertwin.correction.evidence import Evidence, asked_of, gather, mean_deviation
-from evertwin.correction.fitting import Scored, confirm, fit_candidate, refit, settled, started
+from evertwin.correction.fitting import Scored, confirm, fit_candidate, refit, started
 from evertwin.correction.own_numbers import own_numbers, unmoved
 from evertwin.correction.stack import Stack, stack_of
 from evertwin.errors import TooFew, UsageError
@@ -329,27 +329,15 @@ class _Search:
         new = {id(g.term) for g in kept}
         few = [k for k, part in enumerate(best.parts) if id(part.term) in new and part.few]
         best = unmoved(best, stack, self.evidence) if kept else best
-        best, after = (settled(best, few, self.evidence), after) if kept else (stack, before)
-        best, taken = absorbed(best, few if kept else (), self.settings.numbers, self.evidence)
-        if taken:  # of some terms nothing is left
-            best = _acting(best, few)
-            kept = tuple(g for g in kept if any(g.term is part.term for part in best.parts))
+        best, after, few = (best, after, few) if kept else (stack, before, [])
+        best, taken = plainest(best, few, self.settings.numbers, self.evidence)
+        kept = tuple(g for g in kept if any(g.term is part.term for part in best.parts))
         best = started(best, self.whole) if kept and self.evidence.observes else best
         return Proposal(
             Form(tuple(part.term for part in best.parts), form.variant),
             best.model.parameters.names, best.p, before, after, self.scale(best), kept,
             describe(best), tried, tuple(gains), taken=taken,
         )  # fmt: skip
-
-
-def _acting(stack: Stack, parts: Sequence[int]) -> Stack:
-    """Without those of these parts whose numbers are all neutral."""
-    neutral = stack.model.parameters.values
-    for k in reversed(parts):
-        own = slice(stack.first(k), stack.first(k) + len(stack.parts[k].values))
-        if np.array_equal(stack.p[own], neutral[own]):
-            stack, neutral = stack.without(k), np.delete(neutral, own)
-    return stack
 
 
 class _Option(NamedTuple):

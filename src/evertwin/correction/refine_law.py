@@ -28,14 +28,12 @@ a few, one that leaves many times as much as the best is fitted no further.
 >>> found = refine_law(robot, p, (rows,), learn_table(robot, p, (rows,), SarsaSettings("v")), 1.0)
 >>> found.variant, round(found.threshold, 3), round(found.cap, 2)
 ('dead zone', 0.06, 0.16)
->>> found.describes[0]
-'v: start threshold 0.06 m/s (dead zone)'
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple, TypeAlias
@@ -70,7 +68,7 @@ Numbers: TypeAlias = Float64[np.ndarray, " _numbers"]
 class Refined:
     """A law with a lag in the place of a table.
 
-    >>> Refined((), {}, "", 0.0, 1.0, 0.1, {}, 0.0, 0, ()).tau
+    >>> Refined((), {}, "", 0.0, 1.0, 0.1, {}, 0.0, 0).tau
     0.1
     """
 
@@ -92,8 +90,6 @@ class Refined:
     rms: float
     """Rms of the residuals over one horizon, in the outputs' unit."""
     evaluations: int
-    describes: tuple[str, ...]
-    """What was found, in plain words."""
 
 
 class _Fit(NamedTuple):
@@ -325,7 +321,7 @@ class _Trial:
         return _Fit(criterion, self.variant, q, int(result.nfev), squares / n, ended)
 
     def outcome(self, fit: _Fit, least: Mapping[str, float], evaluations: int) -> Refined:
-        """The fit as terms, values and sentences."""
+        """The fit as terms and values."""
         names = self._corrected.parameters.names[len(self.p) :]
         values = dict(zip(names, self.full(fit.q)[len(self.p) :].tolist(), strict=True))
         threshold = float(fit.q[0]) if self.variant else 0.0
@@ -335,17 +331,4 @@ class _Trial:
         return Refined(
             self.terms, values, self.variant, threshold, cap, tau, dict(least),
             math.sqrt(fit.squares), evaluations,
-            tuple(self._sentences(threshold, gain, offset, cap, tau)),
         )  # fmt: skip
-
-    def _sentences(
-        self, threshold: float, gain: float, offset: float, cap: float, tau: float
-    ) -> Iterator[str]:
-        channel = self.table.channel
-        unit = self.model.inputs.units[self.model.inputs.index(channel)]
-        if self.variant:
-            yield f"{channel}: start threshold {threshold:.3g} {unit} ({self.variant})"
-        yield f"{channel}: gain {gain:.3g}, offset {offset:.2g} {unit}"
-        if math.isfinite(cap):
-            yield f"{channel}: saturation at {cap:.3g} {unit}"
-        yield f"{channel}: first-order lag of {tau:.2g} s"

@@ -41,7 +41,13 @@ class ByHand:
         return self._ledger.roll_back(reason, person)
 
     def pin(self, number: int | None, reason: str = "by hand", person: str = "") -> Event:
-        """Keeps a version live until it is unpinned (None): no promotion happens."""
+        """Keeps a version live until it is unpinned (None): no promotion happens.
+
+        Raises:
+            UsageError: none is pinned that could be unpinned.
+        """
+        if number is None and not (self._ledger.pinned or self._ledger.reading):
+            raise UsageError("pin: no version is pinned")
         return self._ledger.pin(number, reason, person)
 
     @property

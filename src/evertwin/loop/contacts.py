@@ -167,8 +167,8 @@ def recurring(
         return state, None, True
     kept = np.arange(first, rows.end) % len(rows.t)
     u = rows.u[kept]
-    moving = u[setup.moving(u).any(axis=1)]
-    recurrence, place = setup.recurrence.found(setup.recurrence.met(state.recurrence, at), moving)
+    moving, stage = u[setup.moving(u).any(axis=1)], setup.recurrence
+    recurrence, place = stage.found(stage.met(state.recurrence, at), moving, stage.noise(u))
     if place is not None:
         mark, there = rows.mark[kept], setup.recurrence.inside(recurrence, u)
         own = there[:, None] & (mark == Mark.EXTERNAL)

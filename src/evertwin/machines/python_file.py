@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from evertwin.errors import ConfigError, ModelError
+from evertwin.errors import ConfigError, ModelError, UsageError
 from evertwin.models import Model
 
 _MISTAKES = (NameError, TypeError, AttributeError, LookupError)
@@ -21,7 +21,8 @@ def model_from_file(file: str = "", name: str = "model") -> Model:
     """The Model called ``name`` in a Python file; a plain step runs as machine code if it can.
 
     Raises:
-        ConfigError: there is no such file, no such model in it, or it cannot run one row.
+        ConfigError: there is no such file, no such model in it, or it asks for what there is not.
+        ModelError: its code fails, at once or on one row.
     """
     path = Path(file)
     spec = importlib.util.spec_from_file_location(path.stem, path)
@@ -41,13 +42,14 @@ def model_from_file(file: str = "", name: str = "model") -> Model:
     return found
 
 
-def _mistaken(file: str, error: Exception) -> ConfigError:
+def _mistaken(file: str, error: BaseException) -> ConfigError | ModelError:
     """What is wrong in the code, with its line."""
     lines = [f.lineno for f in traceback.extract_tb(error.__traceback__) if file in f.filename]
     if isinstance(error, SyntaxError):
         lines, error = [error.lineno], SyntaxError(error.msg)
     place = f"{file}:{lines[-1]}" if lines else file
-    return ConfigError(f"{place}: {type(error).__name__}: {error}: correct the model")
+    kind = ConfigError if isinstance(error, UsageError) else ModelError
+    return kind(f"{place}: {type(error).__name__}: {error}: correct the model")
 
 
 def _tried(file: str, model: Model) -> None:

@@ -8,11 +8,13 @@ over all kinds of term that the twin file allows, each of which has to pay on he
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 
+from evertwin.correction.absorbed import plainest
 from evertwin.correction.command_effect import command_effects
+from evertwin.correction.describe import describe
 from evertwin.correction.evidence import gather, mean_deviation
 from evertwin.correction.improve import Gain, Proposal, Selection, improve
 from evertwin.correction.own_numbers import few_numbers
@@ -21,10 +23,10 @@ from evertwin.correction.sarsa import learn_table
 from evertwin.correction.sarsa_settings import SarsaSettings
 from evertwin.correction.sarsa_settings import propose as propose_actions
 from evertwin.correction.sarsa_table import Table
+from evertwin.correction.stack import stack_of
 from evertwin.fold import Block
 from evertwin.ledger.versions import Versions
 from evertwin.models import Model
-from evertwin.models.corrected import build
 from evertwin.models.form import Form, Term, Version
 from evertwin.models.terms.rows import level_count
 from evertwin.refit.recall import recalled
@@ -114,24 +116,27 @@ def _translation(setup: Setup, base: Model, version: Version, windows: Windows) 
     terms: tuple[Term, ...] = (Term("table", channel, levels=tuple(table.levels.tolist())),)
     column = base.inputs.index(channel)
     given = np.concatenate([window.u[:, column] for window in windows])
-    said = tuple(_said(table, given, base.inputs.units[column]))
-    values = {f"table.{channel}.{k}": float(v) for k, v in enumerate(table.values)}
+    said, taken = tuple(_said(table, given, base.inputs.units[column])), tuple[str, ...]()
+    values = table.values.tolist()
     if setup.spec.correction.refine:
         refined = refine_law(base, p, windows, table, setup.horizon)
-        terms, values = refined.terms, dict(refined.values)
-        said = (*refined.describes, *said[1:])
-    form = Form(terms, version.form.variant)
-    model = build(base, form)
-    full = model.parameters.with_values(values).values
-    full[: len(p)] = p
-    seen = gather(base, windows, setup.horizon, p=p)
-    before = float(seen.deviations(seen.residual(base, p)).mean())
-    after = float(seen.deviations(seen.residual(model, full)).mean())
-    gain = Gain(terms[0], before, after, seen.segments, detail=said[0])
-    gains = (gain,) if after < before else ()
-    names = model.parameters.names
+        terms, values = refined.terms, list(refined.values.values())
+    found = stack_of(base, Form(terms, version.form.variant), np.array([*p, *values]))
+    bare = replace(found, parts=())
+    seen = gather(found.base, windows, setup.horizon, p=p)
+    if setup.spec.correction.refine:
+        found, taken = plainest(found, range(len(found.parts)), setup.editable, seen)
+        said = (*describe(found), *said[1:])
+    before, after = (
+        mean_deviation(seen.deviations(seen.residual(one.model, one.p))) for one in (bare, found)
+    )
+    gains = tuple(
+        Gain(part.term, before, after, seen.segments, detail=said[0]) for part in found.parts[:1]
+    )
     return Proposal(
-        form, names, full, before, after, seen.scale, gains=gains, describes=said,
+        Form(tuple(part.term for part in found.parts), version.form.variant),
+        found.model.parameters.names, found.p, before, after, seen.scale,
+        gains=gains if after < before else (), describes=said, taken=taken,
         table={name: getattr(table, name) for name in SHOWN},
         unseen=tuple(table.levels[table.visits == 0].tolist()),
     )  # fmt: skip

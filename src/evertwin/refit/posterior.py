@@ -46,23 +46,46 @@ def posterior(
     few = tuple(name for name in names if name not in nodes)
     slopes = tuple(name for name in few if kinds[name][1] not in kinds[name][0].slopeless)
     content = _fitted(setup, model, proposal, windows, (*tuned, *slopes))
-    told: dict[str, Any] = content.setdefault("parameters", {})
+    live = dict(zip(proposal.names, proposal.p.tolist(), strict=True))
+    found = content.setdefault("parameters", {}).items()
+    sloped = {name: _about(live[name], item) for name, item in found}
     asked = tuple(
         name
         for name in few
         if kinds[name][1] in kinds[name][0].steps
-        or name not in told
-        or told[name]["verdict"] == "not"
+        or name not in sloped
+        or sloped[name]["verdict"] == "not"
     )
     seen = gather(setup.model, windows, setup.horizon, proposal.scale, proposal.p[: len(base)])
-    found = profiled(model, proposal.p, asked, few, seen)
-    found |= scattered(model, proposal.p, nodes, seen)
-    shown: Any = plain(parameters(found, model, proposal.p))
-    every = told | shown
+    known = profiled(model, proposal.p, asked, few, seen)
+    known |= scattered(model, proposal.p, nodes, seen)
+    shown: Any = plain(parameters(known, model, proposal.p))
+    every = sloped | shown
     ends = {name: tuple(item["interval95"]) for name, item in every.items() if name in names}
     closed = {name: both for name, both in ends.items() if None not in both}
     said = describe(stack_of(setup.model, proposal.form, proposal.p), closed)
     return content | {"parameters": every, "describes": list(said)}
+
+
+def sentences(setup: Setup, proposal: Proposal, fit: dict[str, Any] | None) -> tuple[str, ...]:
+    """What was learned in plain words, with the intervals that `posterior` found."""
+    if fit is None:
+        return proposal.describes
+    bare = describe(stack_of(setup.model, proposal.form, proposal.p))
+    known = dict(zip(bare, fit["describes"], strict=True))
+    return tuple(known.get(one, one) for one in proposal.describes)
+
+
+def _about(value: float, item: dict[str, Any]) -> dict[str, Any]:
+    """A number's interval about the value that goes live: where the rows do not tell another one, a
+    fit moves it a little once that one is put back, and both are within."""
+    moved = value - item["value"]
+    low, high = item["interval95"]
+    ends = [
+        None if low is None else low + min(moved, 0.0),
+        None if high is None else high + max(moved, 0.0),
+    ]
+    return item | {"value": value, "interval95": ends}
 
 
 def _fitted(

@@ -46,7 +46,7 @@ from evertwin.refit.judgement import judged, numbers_first, of_the_form
 from evertwin.refit.named_cause import named_first
 from evertwin.refit.newest import after, newer, newest
 from evertwin.refit.physical import embodied, passive
-from evertwin.refit.posterior import posterior
+from evertwin.refit.posterior import posterior, sentences
 from evertwin.refit.recovered import recovered
 from evertwin.refit.recursive_fit import Recursion
 from evertwin.refit.retold import retold
@@ -344,7 +344,6 @@ class Work(Tuner):
         return self._corrected(version, windows)
 
     def _corrected(self, version: Version, windows: Windows) -> dict[str, Any]:
-        base: Model = self.setup.model
         found, starts = self._tuned_alone(version, windows), [version]
         if found:  # what numbers of the model explain no term has to
             starts.insert(0, replace(version, values=tuple(found[1].p.tolist())))
@@ -356,18 +355,19 @@ class Work(Tuner):
             return {"events": events, "candidate": tuned}
         values = dict(zip(proposal.names, proposal.p.tolist(), strict=True))
         old = dict(zip(version.names, version.p.tolist(), strict=True))
-        said = {one.removesuffix(" (weak)"): one for one in (found[1].moved if found else ())}
-        names = [one for one in base.parameters.names if values.get(one) != old.get(one)]
-        moved = {one: said.get(one, one) for one in names}
+        weak = {one.removesuffix(" (weak)"): one for one in (found[1].moved if found else ())}
+        names = self.setup.model.parameters.names
+        moved = {n: weak.get(n, n) for n in names if values.get(n) != old.get(n)}
         first = (f"tuned {', '.join(moved.values())}",) if moved else ()
         alike = {kind(gain.term.kind).alike for gain in proposal.gains if gain.term.channel == "*"}
-        reason = "; ".join((*first, *proposal.describes, *sorted(alike - {""})))
+        model = self.versions.model_of(proposal.form)
+        fit = posterior(self.setup, model, proposal, windows, tuple(moved))
+        said = sentences(self.setup, proposal, fit)
+        reason = "; ".join((*first, *said, *sorted(alike - {""})))
         return {
             "events": [event("corrected", "", reason, evidence)],
             "lacking": len(proposal.unseen),
-            "fit": posterior(
-                self.setup, self.versions.model_of(proposal.form), proposal, windows, tuple(moved)
-            ),
+            "fit": fit,
             "candidate": self.candidate(proposal.form, values, proposal.scale, reason, windows),
         }
 

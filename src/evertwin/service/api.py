@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 from fastapi import Body, FastAPI, HTTPException, Query, Request, Response, WebSocket
 from pydantic import BaseModel, ConfigDict, Field
 
-from evertwin.errors import DataError, EvertwinError, StoreError, UsageError
+from evertwin.errors import DataError, EvertwinError, NotYet, StoreError, UsageError
 from evertwin.fold import plain
 from evertwin.ledger.label import Label, Verdict
 from evertwin.service.api_look import Count, found_at, in_time, looks
@@ -23,7 +23,7 @@ from evertwin.service.strict_json import StrictJSON
 
 SOON = 2.0
 """Seconds that a twin has to say how it is now."""
-CODES = ((UsageError, 400), (DataError, 409), (StoreError, 503))
+CODES = ((NotYet, 503), (UsageError, 400), (DataError, 409), (StoreError, 503))
 
 
 class Order(BaseModel):

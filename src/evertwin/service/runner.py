@@ -22,7 +22,7 @@ from typing import Any, Literal, TypeAlias, TypeVar
 
 from evertwin.backoff import Backoff
 from evertwin.engine import Pool
-from evertwin.errors import EvertwinError, OwnershipLost, StoreUnwritable, UsageError
+from evertwin.errors import EvertwinError, NotYet, OwnershipLost, StoreUnwritable, UsageError
 from evertwin.fold import Chunk, Event
 from evertwin.publishers.contract import Kind, News, Publisher, Told
 from evertwin.rows import Numbered
@@ -346,9 +346,10 @@ class Runner:
     # ------------------------------------------------------------------ questions
 
     async def ask(self, question: Callable[[AtWork], T]) -> T:
-        """Something of the twin at work, in its thread; UsageError where it is not at work."""
+        """Of the twin at work, in its thread; UsageError where it is not, `NotYet` as it starts."""
         if self.work is None or self.state not in ("running", "ended"):
-            raise UsageError(f"{self.name} is {self.state}: {self.reason}".rstrip(": "))
+            kind = NotYet if self.state == "starting" else UsageError
+            raise kind(f"{self.name} is {self.state}: {self.reason}".rstrip(": "))
         return await self.lane.do(partial(question, self.work))
 
     async def done(self, work: Callable[[AtWork], tuple[Event, Said]]) -> Mapping[str, Any]:

@@ -33,7 +33,7 @@ Path: TypeAlias = "tuple[str | int, ...]"
 _NAME = re.compile(r"\$\{([A-Za-z_]\w*)(?::-([^}]*))?\}")
 _BOUNDS = {"gt": "exclusiveMinimum", "ge": "minimum", "le": "maximum", "lt": "exclusiveMaximum"}
 """A bound after a conversion keeps its Python name in pydantic's schema."""
-_NUMBER = r"^\s*([+-]?[\d.]|[+-]?inf)"
+_NUMBER = r"^\s*([+-]?[\d.]|[+-]?inf|\$\{)"
 
 
 def dotted(path: Path) -> str:
@@ -112,7 +112,7 @@ class Quantity(NamedTuple):
     def si(self, value: object) -> int | float:
         """The number of a setting."""
         if isinstance(value, str):
-            return told(lambda: number(value, self.unit, difference=self.difference))
+            return told(lambda: number(expand(value), self.unit, difference=self.difference))
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise _wrong(f"a number or text such as '2 {self.unit or 'cm'}'")
         return value
@@ -122,8 +122,9 @@ class Quantity(NamedTuple):
     ) -> CoreSchema:
         def read(value: object, bounded: core_schema.ValidatorFunctionWrapHandler) -> float:
             size: float = bounded(self.si(value))
-            told = isinstance(value, str) and not self.unit and written(value)[1]
-            return Measured(size, str(value)) if told else size
+            text = expand(value) if isinstance(value, str) else ""
+            told = text and not self.unit and written(text)[1]
+            return Measured(size, text) if told else size
 
         return core_schema.no_info_wrap_validator_function(read, handler(source))
 
@@ -149,8 +150,11 @@ class Rows(NamedTuple):
         if isinstance(value, Span):
             return value
         if isinstance(value, str):
-            seconds = told(lambda: number(value, "s"))
-            if not 0.0 <= seconds < 1e9 or not told(lambda: written(value))[1]:
+            text = told(lambda: expand(value))
+            if text != value and text.isdecimal():  # a variable is never but text
+                return self.span(int(text))
+            seconds = told(lambda: number(text, "s"))
+            if not 0.0 <= seconds < 1e9 or not told(lambda: written(text))[1]:
                 raise _wrong(f"{self._rows} rows or a time such as '30 s'")
             return Span(seconds=seconds)
         if type(value) is not int or not self.least <= value <= self.most:

@@ -166,6 +166,8 @@ def _strict(node: Any) -> Any:
     if kind == "union" and all(choice["type"] in _WORDS for choice in node["choices"]):
         words = " or ".join(_WORDS[choice["type"]] for choice in node["choices"])
         return {**strict, "custom_error_type": "expected", "custom_error_message": words}
+    if kind == "literal":  # one of some words
+        return core_schema.no_info_before_validator_function(_word, cast(CoreSchema, strict))
     if kind not in _WORDS or "strict" in node:
         return strict
     strict["strict"] = True
@@ -176,6 +178,10 @@ def _strict(node: Any) -> Any:
 
 def _text(value: str) -> str:
     return told(lambda: expand(value))
+
+
+def _word(value: object) -> object:
+    return _text(value) if isinstance(value, str) else value
 
 
 @dataclass(frozen=True)

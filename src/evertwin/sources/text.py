@@ -4,8 +4,10 @@ A row with too few or too many cells is left out and counted with its line; so i
 line of one cell, because a line broken in its last number looks complete. So are the headings
 again, where the rows below go on; where the time begins anew, the file is refused. The last line
 without a line end may have been cut inside a number, ``3.1`` instead of ``3.14``, so it is kept
-only where its last cell has as many decimals as the cells above it. A word where a number should be
-is an error with file, line and column. Gzip is unpacked while reading.
+only where its last cell has as many decimals as the cells above it. A word among numbers (`worded`)
+is no value, counted with its line. What may be a number written another way, and a column that
+holds more words than numbers, are an error with file, line and column. Gzip is unpacked while
+reading.
 """
 
 from __future__ import annotations
@@ -14,7 +16,7 @@ import gzip
 import re
 import zlib
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any, cast
@@ -26,8 +28,6 @@ from evertwin.sources.dates import beside
 from evertwin.sources.dialect import (
     COMMENTS,
     FOUND,
-    MISSING,
-    TRUTH,
     Dialect,
     Stated,
     cells_of,
@@ -35,6 +35,7 @@ from evertwin.sources.dialect import (
     pointed,
 )
 from evertwin.sources.names import bracketed, distinct, split_unit
+from evertwin.sources.no_number import number_of, worded
 from evertwin.sources.slashed import slashed
 from evertwin.sources.sniff import opened
 from evertwin.sources.stamps import texts
@@ -111,14 +112,26 @@ class TextTable:
             )
         use = [names.index(name) for name in numbers]
         clock = None if time is None else names.index(time)
-        order = 0
+        order, known, words = 0, np.zeros(len(use)), np.zeros(len(use))
         for first, lines, cut in self._blocks(BLOCK):
             start = max(self.dialect.skip - first + 1, 0)
             piece = _Piece(self, lines[start:], first + start, order, strict)
             rows = piece.read(use, clock, cut)
             order = piece.order
+            known += np.isfinite(rows.values).sum(axis=0)
+            words += [len(piece.words.get(j, ())) for j in use]
+            for j in np.array(use, dtype=np.int64)[words > known].tolist() if strict else ():
+                raise self.refused(j, *piece.words[j][0], "correct the line, or map another column")
             if len(rows.line) or rows.problems:
                 yield rows
+
+    def refused(self, j: int, line: int, cell: bytes, advice: str) -> DataError:
+        """The error that a cell of column ``j`` is no number."""
+        text = cell[:40].decode("utf-8", "replace")
+        return DataError(
+            f"{self.path.name}:{line}: column {self.columns[j].name!r}: expected a number, got "
+            f"{text!r}: {advice}"
+        )
 
     def _blocks(self, size: int) -> Iterator[tuple[int, list[bytes], str]]:
         """Complete lines: number of the first, the lines, and how the last one ended.
@@ -186,6 +199,8 @@ class _Piece:
     first: int
     order: int
     strict: bool
+    words: dict[int, list[tuple[int, bytes]]] = field(default_factory=dict)
+    """Cells of each column that are no numbers, with their lines."""
 
     def read(self, use: list[int], clock: int | None, cut: str) -> Rows:
         problems: list[Problem] = []
@@ -307,14 +322,13 @@ class _Piece:
             if number is not None:
                 out[i] = number
                 continue
-            name = self.table.columns[j].name
+            if self.strict and not worded(cell):
+                raise self.table.refused(j, int(line[i]), cell, self._advice(cell, kept[i], j))
             text = cell[:40].decode("utf-8", "replace")
-            if self.strict:
-                raise DataError(
-                    f"{self.table.path.name}:{line[i]}: column {name!r}: expected a number, got "
-                    f"{text!r}: {self._advice(cell, kept[i], j)}"
-                )
-            problems.append(Problem("text", int(line[i]), f"{name}: {text!r}"))
+            problems.append(
+                Problem("text", int(line[i]), f"{self.table.columns[j].name}: {text!r}")
+            )
+            self.words.setdefault(j, []).append((int(line[i]), cell))
         return out
 
     def _advice(self, cell: bytes, row: bytes, j: int) -> str:
@@ -361,22 +375,3 @@ def _unquoted(line: bytes, d: Dialect) -> bytes:
     if d.delimiter == b"," and d.decimal_comma:
         cells = [pointed(c) if number_of(pointed(c)) is not None else c for c in cells]
     return d.delimiter.join(c.replace(d.delimiter, b" ") for c in cells)
-
-
-def number_of(cell: bytes) -> float | None:
-    """The number of one cell, NaN for an empty one, None for text.
-
-    >>> number_of(b"1.5"), number_of(b"n/a"), number_of(b"on")
-    (1.5, nan, None)
-    """
-    low = cell.lower()
-    if low in MISSING:
-        return float("nan")
-    if low in TRUTH:
-        return TRUTH[low]
-    if b"_" in cell:
-        return None
-    try:
-        return float(cell)
-    except ValueError:
-        return None

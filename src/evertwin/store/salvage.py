@@ -71,12 +71,17 @@ def rebuild(path: Path, why: StoreError) -> Event:
     """Starts a store anew from what is sound of it; what was lost, as its log says it.
 
     Raises:
-        StoreError: ``why``, where nothing in it is of a store of this evertwin: it is left alone.
+        StoreError: ``why``, where something is in it, and nothing of a store of this evertwin: it
+            is left alone.
     """
     sound = _found(path)
     mine = sound.entries or (not isinstance(why, Foreign) and (sound.beyond or sound.length))
-    if not mine:
-        raise why
+    if not mine and path.stat().st_size > 0:
+        said = str(why).removesuffix(": check the disk")
+        raise type(why)(
+            f"{said}: nothing in it is a store's, so it stays as it is: move it away to begin "
+            "anew, or name another file in [store] path"
+        ) from why
     fresh, corrupt = Path(f"{path}.new"), _free(path)
     for old in (fresh, Path(f"{fresh}-wal"), Path(f"{fresh}-shm")):
         old.unlink(missing_ok=True)
@@ -199,6 +204,8 @@ def _told(sound: _Sound, name: str, why: str) -> Event:
     kept, rows = len(sound.entries), [entry.row for entry in sound.beyond]
     lost, samples = sound.length - kept, len(sound.damaged - sound.samples)
     said = ["nothing of the log is lost"]
+    if not sound.length:
+        said = ["it is empty: whatever its log held is gone, all versions with it"]
     if lost:
         about = f" (rows {min(rows)} to {max(rows)} and others)" if rows else ""
         said = [f"entries {kept + 1} to {sound.length} of the log are lost{about}"]

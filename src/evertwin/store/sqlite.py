@@ -79,6 +79,9 @@ class SqliteStore(SqlStore):
             path = Path(self.path)
             finish(path)
             check_log(path)
+            ahead = Path(f"{path}-wal")
+            if path.exists() and not any(p.stat().st_size for p in (path, ahead) if p.exists()):
+                raise StoreDamaged(f"{path}: a file of no bytes")
             if mark_of(path).exists():
                 raise StoreDamaged(f"{path}: damage was found in it before")
         self._on(Database(self.path, read_only=self._read_only), self._lock is not None)

@@ -274,3 +274,13 @@ def told(name: str, value: float, unit: str, intervals: Intervals, style: str = 
         low, high = intervals[name]
         between = f" ({low:{style}} to {high:{style}})"
     return f"{value:{style}}{between}{' ' if unit else ''}{unit}"
+
+
+def nothing(name: str, intervals: Intervals) -> bool:
+    """May this number as well be nothing?
+
+    >>> nothing("delay", {"delay": (0.0, 0.02)}), nothing("delay", {})
+    (True, False)
+    """
+    low, high = intervals.get(name, (1.0, 1.0))
+    return low <= 0.0 <= high

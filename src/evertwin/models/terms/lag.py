@@ -22,6 +22,7 @@ from evertwin.models.terms.contract import (
     Functions,
     Intervals,
     Place,
+    nothing,
     told,
 )
 from evertwin.models.terms.kernel import placed
@@ -171,7 +172,8 @@ class Lag(CorrectionTerm):
         said = [f"delay of {told('delay', values[0], 's', intervals)}"]
         if len(values) > 1:
             said.append(f"a first-order lag of {told('tau', values[1], 's', intervals)}")
-        return f"{who}: {' and '.join(said if values[0] > 0.0 else said[-1:])}"
+        late = values[0] > 0.0 and not nothing("delay", intervals)
+        return f"{who}: {' and '.join(said if late else said[-1:])}"
 
 
 KIND = Lag()

@@ -20,6 +20,7 @@ from evertwin.models.terms.contract import (
     CorrectionTerm,
     Functions,
     Intervals,
+    nothing,
     told,
 )
 from evertwin.models.terms.kernel import placed
@@ -58,6 +59,8 @@ class Law(CorrectionTerm):
     'v: start threshold 0.06 (0.05 to 0.07) m/s (dead zone), gain 0.97, saturation at 0.16 m/s'
     >>> KIND.say(law, (0.0, 0.97, 0.0, 0.16), "m/s", {})
     'v: gain 0.97, saturation at 0.16 m/s'
+    >>> KIND.say(law, (0.0, 1.0, -0.05, 0.16), "m/s", {"offset": (-0.06, -0.04)})
+    'v: start threshold 0.05 (0.04 to 0.06) m/s (lost of every command), saturation at 0.16 m/s'
     """
 
     kind, variants = "law", ("", "dead zone", "clamp")
@@ -89,12 +92,18 @@ class Law(CorrectionTerm):
 
     def say(self, term: Term, values: Sequence[float], unit: str, intervals: Intervals) -> str:
         said = []
-        if term.variant and values[0] > 0.0:
-            threshold = told("threshold", values[0], unit, intervals)
-            said.append(f"start threshold {threshold} ({term.variant})")
         gain, offset, cap = values[-3:]
         capped = cap < UNBOUNDED
-        lost = abs(offset) > (5e-3 * cap if capped else 0.0)
+        lost = abs(offset) > (5e-3 * cap if capped else 0.0) and not nothing("offset", intervals)
+        clamped = term.variant == "clamp" and values[0] > 0.0
+        starts = -offset / gain if lost and gain > DEAF and not clamped else 0.0
+        if term.variant and values[0] > max(starts, 0.0):
+            threshold = told("threshold", values[0], unit, intervals)
+            said.append(f"start threshold {threshold} ({term.variant})")
+        elif starts > 0.0:
+            threshold = told("threshold", starts, unit, _starts(values, intervals))
+            said.append(f"start threshold {threshold} (lost of every command)")
+            lost = False  # gain and threshold tell it
         if gain <= DEAF:
             said.append("no answer to it (or its sign is turned)")
         elif gain != 1.0 or not (said or lost or capped):
@@ -104,6 +113,16 @@ class Law(CorrectionTerm):
         if capped:
             said.append(f"saturation at {told('cap', cap, unit, intervals)}")
         return f"{term.channel}: " + ", ".join(said)
+
+
+def _starts(values: Sequence[float], intervals: Intervals) -> Intervals:
+    """Where ``gain·|u| + offset`` rises above nothing, at most as far apart as both may be."""
+    if "offset" not in intervals:
+        return {}
+    (low, high), gains = intervals["offset"], intervals.get("gain", (values[-3],) * 2)
+    if not gains[0] > 0.0:
+        return {}
+    return {"threshold": (max(-high, 0.0) / gains[1], max(-low, 0.0) / gains[0])}
 
 
 def _laws(c: str, u: Vector, reach: float) -> Iterator[Candidate]:

@@ -32,8 +32,9 @@ from evertwin.sources.dialect import COMMENTS, Dialect, Stated, cells_of, detect
 from evertwin.sources.live.contract import Around, LiveSettings
 from evertwin.sources.live.decode import Columns, Raw
 from evertwin.sources.live.line import Line, LineDown
+from evertwin.sources.no_number import number_of
 from evertwin.sources.spec import SourceSpec
-from evertwin.sources.text import LONGEST, columns_of, number_of
+from evertwin.sources.text import LONGEST, columns_of
 
 BLOCK = 1 << 18
 """Bytes read at once."""

@@ -51,7 +51,7 @@ async def look(settings: LiveSettings, around: Around) -> list[str]:
         return await _tree(settings, around)
     if isinstance(settings, RosSettings):
         return await look_ros(settings.place, {})
-    return [f"protocol {settings.protocol!r}: its files are looked at with 'evertwin inspect'"]
+    return [f"protocol {settings.protocol!r}: its files are looked at with 'evertwin info'"]
 
 
 async def _registers(settings: ModbusSettings) -> list[str]:
