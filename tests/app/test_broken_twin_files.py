@@ -64,4 +64,5 @@ def test_a_mistake_in_the_model_file(
     if not said:
         assert done.code == 0, done.err
         return
-    assert done.code == 2 and said in done.err and done.err.count("\n") == 1, done.err
+    code = 2 if "UsageError" in said or "expected" in said else 5  # its own code fails
+    assert done.code == code and said in done.err and done.err.count("\n") == 1, done.err

@@ -81,7 +81,7 @@ def test_fit_gives_its_document(call: Command, folder: Path) -> None:
         (("schema",), "evertwin.schema/1"),
         (("model", "list", "robot.toml"), "evertwin.versions/1"),
         (("model", "show", "robot.toml", "0"), "evertwin.version/1"),
-        (("model", "pin", "robot.toml"), "evertwin.event/1"),
+        (("model", "pin", "robot.toml", "0"), "evertwin.event/1"),
         (("model", "promote", "robot.toml", "0"), "evertwin.event/1"),
         (("compare", "robot.toml", "0", "0", "--data", "robot.csv"), "evertwin.compare/1"),
         (("init", "robot.csv", "-o", "new.toml", "--model", "robot1d"), "evertwin.init/1"),

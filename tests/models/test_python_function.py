@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from evertwin import Twin
-from evertwin.errors import ConfigError
+from evertwin.errors import ConfigError, ModelError
 from evertwin.fold import make_block
 from evertwin.machines.catalog import machine
 from evertwin.models import FunctionModel, Parameters, Restart, roll
@@ -114,7 +114,7 @@ def test_a_mistake_is_told_with_its_line_before_anything_runs(
         "model = FunctionModel(step, Layout.of(u='1'), Layout.of(y='1'), Layout.of(y='1'))\n"
     )
     (tmp_path / "tank.py").write_text(text)
-    with pytest.raises(ConfigError, match=told):
+    with pytest.raises(ModelError, match=told):
         machine("python", {"file": str(tmp_path / "tank.py")})
 
 

@@ -123,7 +123,8 @@ def _judged(setup: Setup, problem: Problem, fit: Fit) -> Verdict:
     if setup.spec.correction.terms:
         return replace(found, kind="abnormal", reason=f"{short}: the form does not reach it")
     part = explained(fit, fit.noise)
-    if found.cause:
+    white = part >= NEARLY_ALL and all(one.white for one in fit.residuals)
+    if found.cause or white:  # no form reaches noise
         evidence = {**found.evidence, "short": part < NEARLY_ALL}
         return replace(found, reason=f"{found.reason}; {short}", evidence=evidence)
     reason = f"{short}, and explains {100 * part:.0f} %: the form does not reach it"
