@@ -67,10 +67,12 @@ def elsewhere(rows: Rows) -> SensorChange | None:
         return None
     first = max(place for gain, place in by_range if gain >= NEARLY * most)
     out = _out(u, past, first, rows.seen)
-    since, some = places >= min(first, by_time[1]), np.asarray(out.any(axis=1))
-    inside = known & ~(since | some)
-    if not (_only_there(squares[known], since[known], some[known]) and _held(rows, inside)):
-        return None
+    some = np.asarray(out.any(axis=1))
+    for place in (first, by_time[1]):  # whichever was the earlier, rows inside have to be as usual
+        since = places >= place
+        inside = known & ~(since | some)
+        if not (_only_there(squares[known], since[known], some[known]) and _held(rows, inside)):
+            return None
     return SensorChange("", 1.0, (
         f"{OUTSIDE} before {called(rows.row(first))}: "
         f"{_told(rows, np.concatenate([past, u[:first]]), u[first:], out[first:])}: whether "
