@@ -55,8 +55,10 @@ def apart(rows: Rows) -> SensorChange | None:
             _share(rows.setup, some, position, speed, angle=bool(angle))
             for some in ((*rows.earlier, *early), late)
         )
+        if was == 0.0:  # it stood all the while: of that the position tells nothing new
+            continue
         change = now / was
-        if abs(change - 1.0) > max(LITTLE, SURE * change * np.hypot(about / was, sure / now)):
+        if abs(now - was) > max(LITTLE * abs(was), SURE * float(np.hypot(about * change, sure))):
             names, row = rows.setup.model.inputs.names, rows.row(rows.since)
             return SensorChange(names[speed], change, (
                 f"{names[speed]} is {change:.3g} times what it was beside the way that "
