@@ -65,3 +65,35 @@ def test_a_version_is_not_rolled_back_for_what_the_machine_changed(seed: int) ->
     changed = result.of_kind("changed")
     assert changed and abs(changed[0].evidence["row"] - AT) < 100
     assert abs(result.parameters["loss"].value - 144.0) < 6.0
+
+
+def two_gains(x: Vector, u: Vector, dt: float, p: ParameterVector) -> tuple[Vector, list[float]]:
+    return x, [p[0] * u[0], p[1] * u[0]]
+
+
+@first_of("seed", range(3))
+def test_a_second_change_soon_after_a_promotion_is_asked_about_before_its_window_ends(
+    seed: int,
+) -> None:
+    """The version that went live was never judged on a whole window; the one before it was."""
+    rng, n, window = np.random.default_rng(seed), 6000, 1500
+    u = np.sin(np.arange(n) * 0.07 + rng.uniform(0, 6)) + np.sin(np.arange(n) * 0.031)
+    first = np.where(np.arange(n) < AT, 1.0, 1.3)
+    second = np.where(np.arange(n) < AT + 1200, 1.0, 1.3)
+    noise = 0.01 * rng.normal(size=(2, n))
+    data = {"t": np.arange(n) * 0.01, "u": u, "y": first * u + noise[0], "z": second * u + noise[1]}
+    model = FunctionModel(
+        two_gains, Layout.of(u="1"), Layout.of(y="1", z="1"),
+        parameters=Parameters.of(first=(1.0, "1"), second=(1.0, "1")),
+    )  # fmt: skip
+    spec = TwinSpec(
+        "two", ModelSpec("python"), prediction=PredictionSpec(0.1),
+        anomaly=AnomalySpec(requirement=0.05, relative=True, window=Span(rows=window)),
+    )  # fmt: skip
+    with Twin(spec, model) as twin:
+        result = twin.run(data)
+    lives = [e.row for e in result.of_kind("promoted")]
+    assert AT < lives[0] < AT + 1200, "the first change is live when the second one comes"
+    asked = next(e.row for e in result.of_kind("tuned") if e.row > AT + 1200)
+    assert asked < AT + 1200 + window // 2
+    assert abs(result.parameters["second"].value - 1.3) < 0.02

@@ -87,15 +87,15 @@ class Decide:
 
     def quiet(self, state: TwinState) -> bool:
         """Is nothing going on but watching, so that a beat decides only what rows bring up?"""
-        agenda, detect = state.agenda, self.follow.setup.detect
+        agenda, setup = state.agenda, self.follow.setup
+        # a window within what is asked is told by a beat: it held, and what was told is over
+        holds = (agenda.held and not agenda.told) or not np.isfinite(setup.requirement)
         idle = agenda.phase == WATCH and not (agenda.open or agenda.retrain or agenda.again)
-        idle = idle and agenda.retell <= 0
-        setup = self.follow.setup
-        calm = not setup.external.on(state.external)
-        calm = calm and setup.kinematics.since(state.kinematics) < 0
-        calm = calm and not state.still.said.any()
+        idle = idle and holds and agenda.retell <= 0
         idle = idle and not setup.spec.tuning.states and state.stream == ()
-        return idle and calm and detect.quiet(state.detect) and self.follow.here(state)
+        calm = not setup.external.on(state.external) and not state.still.said.any()
+        calm = calm and setup.kinematics.since(state.kinematics) < 0
+        return idle and calm and setup.detect.quiet(state.detect) and self.follow.here(state)
 
     def watches(self, state: TwinState) -> bool:
         """Was the live correction learned for a range of other inputs?"""

@@ -254,7 +254,7 @@ class Follow:
         if len(rows.row) == 0:
             return state, (), -1
         delay = self.setup.residual_filter.delay
-        soon = state.agenda.held or early(self.setup, state)
+        soon = state.agenda.commissioned or early(self.setup, state)
         watch = self.setup.watch(beats - delay, soon) if len(beats) else NEVER
         scores, pairs, back, off = accumulate(state.scores, rows, watch)
         detect, found = self.setup.detect.step(state.detect, rows)

@@ -32,8 +32,8 @@ RARE = 0.05
 def recovered(decision: Decision, follow: Follow) -> None:
     """The first champion goes live again where it is within what is asked and has become much
     nearer to the machine than the live version, as after a repair; what is on trial was learned
-    from the machine before it. Of several versions that were live the nearest one does; none, where
-    what is on trial is clearly nearer."""
+    from the machine before it. Of several versions that were live the nearest one does, be it
+    on trial already; none, where what is on trial was never live and is clearly nearer."""
     state, agenda = decision.state, decision.state.agenda
     found, evidence = follow.recovery.verdict(state.recovery)
     if not found:
@@ -47,7 +47,7 @@ def recovered(decision: Decision, follow: Follow) -> None:
     if old < 0:
         state.recovery.tally[0] = OPEN
         return
-    if agenda.phase == TRIAL:
+    if agenda.phase == TRIAL and state.other.version != old:
         said = f"version {state.other.version} was learned before the machine went back"
         decision.say("superseded", "", said, {"version": state.other.version})
     live, since = state.live.version, evidence["since"]
@@ -83,8 +83,7 @@ def _nearest(follow: Follow, state: TwinState, since: int) -> int:
     size = setup.sizes(np.concatenate([one.y for one in windows]))
     within = np.nan_to_num(off[best] / size)[setup.watched] <= setup.requirement
     nearer = min((share[k] for k in tried - once), default=np.inf)
-    again = bool(tried & once) and best in tried
-    if again or share[best] > NEARLY * nearer or not within.all():
+    if share[best] > NEARLY * nearer or not within.all():
         return -1
     return best
 

@@ -92,7 +92,7 @@ def deviates(
 ) -> tuple[str | None, str, dict[str, Any]]:
     """Reason, output, evidence; (None, …) when it is too early to say, ("", …) when it is not."""
     samples = max(state.scores.watch.samples.tolist(), default=0)
-    rule = setup.watch(NONE, state.agenda.held)
+    rule = setup.watch(NONE, state.agenda.commissioned)
     enough = samples >= setup.least if task_end else rule.enough(state.scores)
     if not np.isfinite(setup.requirement) or not enough:
         return None, "", {}
