@@ -58,6 +58,20 @@ def test_a_trial_that_does_not_go_well_keeps_no_better_candidate_out() -> None:
         assert ("candidate" in content) == heard
 
 
+def test_a_weight_spares_scheduled_tunings_and_no_deviation() -> None:
+    """A turn at which nobody is due has passed, too: else none would ever be due again."""
+    rare = replace(SPEC, tuning=replace(SPEC.tuning, weights={"gain": 0.02}))
+    with Twin(rare) as twin:
+        one = work(twin)
+        asked = task(twin, "fit", 1.3)._replace(tunings=1)
+        passed = one.content(asked._replace(scheduled=True))
+        tuned = one.content(asked)
+        due = one.content(asked._replace(scheduled=True, tunings=50))
+    assert passed["tuned"] and not passed["events"] and "next" not in passed
+    for content in (tuned, due):
+        assert content["candidate"]["values"]["gain"] == pytest.approx(1.3, rel=0.01)
+
+
 def test_a_correction_is_looked_for_beside_the_tuned_numbers_too() -> None:
     """A machine of a tenth of the model's gain, and with a dead zone: no law reaches so far."""
     rng = np.random.default_rng(1)

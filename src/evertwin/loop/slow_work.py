@@ -66,7 +66,8 @@ class SlowWork:
             Doubt(agenda.doubt, agenda.doubted, agenda.doubted_at),
             former(self.work.versions, state, version.number),
             earliest if risen and not agenda.held else 0,
-            state.ring.seen[1].copy(), state.ring.stayed.copy(), self._untold(version),
+            state.ring.seen[1].copy(), state.ring.stayed.copy(),
+            not (agenda.again or agenda.told or agenda.risen), self._untold(version),
         )  # fmt: skip
         self.engine.submit(request, partial(self.work.content, task))
 

@@ -182,11 +182,14 @@ class Tuner:
             stayed=task.stayed,
         )
 
-    def due(self, version: Version, tunings: int) -> tuple[str, ...]:
-        """The parameters whose turn it is."""
-        names, weights = self.editable(version), self.setup.weights
-        schedule = Schedule({name: weights.get(name, 1.0) for name in names})
-        return schedule.due(tunings)
+    def turn(self, task: Task) -> tuple[str, ...]:
+        """All parameters, or by schedule those whose turn it is; what is tuned once only before
+        anything has held."""
+        names, once = self.editable(task.version), self.setup.once if task.commissioned else ()
+        if task.scheduled:
+            weights = self.setup.weights
+            names = Schedule({n: weights.get(n, 1.0) for n in names}).due(task.tunings)
+        return tuple(n for n in names if n not in once)
 
     def tune(self, problem: Problem) -> tuple[Problem, Fit, dict[str, Any]]:
         """What was tuned, and the fit, its friction held to what resists; where it went by rounds,

@@ -201,8 +201,9 @@ class Work(Tuner):
     def fit(self, task: Task) -> dict[str, Any]:
         """Tunes, and judges what the residual of the tuned model still says."""
         version, windows, commissioned = task.version, task.windows, task.commissioned
-        if not (names := self._turn(task)):
-            return {"events": [], "next": self._next()}
+        if not (names := self.turn(task)):  # a turn that is nobody's has passed, too
+            more = {} if task.scheduled else {"next": self._next()}
+            return {"events": [], "tuned": True} | more
         version = self.begun(version, windows) if task.held else version
         task = task._replace(version=version)
         if was := recovered(self, task):
@@ -258,11 +259,6 @@ class Work(Tuner):
             more = acting(chosen, problem, fit).said + alike
             content["candidate"] = found and found | {"reason": found["reason"] + more}
         return content if of_the_form(task, verdict) else content | since
-
-    def _turn(self, task: Task) -> tuple[str, ...]:
-        """The parameters whose turn it is; what is tuned once only before anything has held."""
-        once = self.setup.once if task.commissioned else ()
-        return tuple(n for n in self.due(task.version, task.tunings) if n not in once)
 
     def _named(
         self, verdict: Verdict, version: Version, problem: Problem, events: list[dict[str, Any]]

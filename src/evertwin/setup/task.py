@@ -33,7 +33,7 @@ class Task(NamedTuple):
     >>> Task._fields
     ('kind', 'version', 'windows', 'tunings', 'held', 'waits', 'rival', 'commissioned',
     'cause', 'earlier', 'replaced', 'doubt', 'former', 'rose', 'seen', 'stayed',
-    'untold')
+    'scheduled', 'untold')
     """
 
     kind: str
@@ -68,6 +68,8 @@ class Task(NamedTuple):
     """Lowest and highest value of each input on rows before all these that the version ran on."""
     stayed: np.ndarray | None = None
     """How long each input stayed where it was, over all rows (`evertwin.rows.stayed`)."""
+    scheduled: bool = False
+    """Is it asked without a deviation? Then it is of the parameters whose turn it is."""
     untold: Version | None = None
     """The newest before the version of which it was not said that a sensor would look the same;
     None: the version itself."""

@@ -81,7 +81,8 @@ class TuningSpec(Section):
     starts: Annotated[int, Ge(1), Le(10_000)] = 1
     """Starts of a nonlinear search: the given values, then points spread over the bounds."""
     weights: Mapping[str, Annotated[float, Ge(0.0)]] = field(default_factory=dict)
-    """Parameter to how often it is tuned, relative to the others."""
+    """Parameter to how often a scheduled tuning takes it, relative to the others; a deviation takes
+    all."""
     ladder: tuple[str, ...] = ()
     """Variants of the model, simplest first, climbed while held-out error falls."""
     cut: CutSpec | None = None
