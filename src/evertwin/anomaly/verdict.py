@@ -10,7 +10,8 @@ Dependence is tested on each input and on its change since the prediction began 
 there), with as many effective rows as the residual's memory leaves. What a command leaves that acts
 up to a row sooner or later than its row says is no dependence. With enough rows any model
 fails such a test, so size counts too: the part of the *first* deviation that inputs still explain,
-share of the tuned residual times what tuning left, has to reach ``part``.
+share of the tuned residual times what tuning left, has to reach ``part``. Of an output that was
+within what is asked it is the part of that: what is as true as it has to be is of no wrong form.
 
 Competing refits name the cause: each tunes its own parameters on the same window, and the one that
 explains the larger share of the deviation is the cause, if it explains enough and leads clearly.
@@ -49,7 +50,7 @@ from evertwin.tuning import Dependence, Fit, Problem
 from evertwin.tuning.autocorrelation import Correlation
 from evertwin.tuning.classes import Classes
 from evertwin.tuning.statistics import depends
-from evertwin.types import Float64, Inputs, Json, Outputs, Vector
+from evertwin.types import Float64, Inputs, Json, Outputs, PerOutput, Vector
 
 
 @dataclass(frozen=True)
@@ -100,6 +101,7 @@ def branch(
     refits: Mapping[str, Fit] | None = None,
     editable: frozenset[str] | None = None,
     rule: Rule | None = None,
+    asked: PerOutput | None = None,
 ) -> Verdict:
     """The verdict on a tuned window.
 
@@ -109,13 +111,15 @@ def branch(
         refits: cause → tuning of that cause's parameters on the same window, from the same start.
         editable: names of the parameters that may be tuned; default: those of the problem.
         rule: limits of the tests.
+        asked: rms residual that is allowed, (ny,); None: any dependence counts, however small.
     """
     rule = rule or Rule()
     allowed = frozenset(problem.names) if editable is None else editable
     shares = {name: explained(refit, fit.noise) for name, refit in (refits or {}).items()}
     cause = _cause(shares, rule)
     left = 1.0 - explained(fit, fit.noise)
-    worst, part, sooner = _dependence(fit, problem, rule)
+    before = np.fmax([r.rms_before for r in fit.residuals], 0.0 if asked is None else asked)
+    worst, part, sooner = _dependence(fit, problem, rule, before)
     evidence: dict[str, Any] = {
         "explained": 1.0 - left, "shares": shares, "dependence": worst and worst._asdict(),
         "part": part, "white": {r.output: r.whiteness for r in fit.residuals},
@@ -172,29 +176,29 @@ def _cause(shares: Mapping[str, float], rule: Rule) -> str:
 
 
 def _dependence(
-    fit: Fit, problem: Problem, rule: Rule
+    fit: Fit, problem: Problem, rule: Rule, first: PerOutput
 ) -> tuple[Dependence | None, float, Float64[np.ndarray, " nu"] | None]:
     """The dependence that weighs most, None if none counts; its part of the deviation; and the rows
     by which inputs act sooner, where all there is of it is that."""
-    found = _weightiest(problem.residuals(fit.values), fit, problem, rule)
+    found = _weightiest(problem.residuals(fit.values), fit, problem, rule, first)
     if found[0] is None:
         return *found, None
     if not len(problem.model.states):
         left = late(problem.residuals(fit.values), problem.predict(fit.values), problem.rows.dt > 0)
-        again = _weightiest(left, fit, problem, rule)
+        again = _weightiest(left, fit, problem, rule, first)
         return *(again if again[0] is None else found), None
     left, sooner = timed(problem, fit.values, fit.noise)
-    found = _weightiest(left, fit, problem, rule)
+    found = _weightiest(left, fit, problem, rule, first)
     return *found, sooner if found[0] is None else None
 
 
 def _weightiest(
-    left: Outputs, fit: Fit, problem: Problem, rule: Rule
+    left: Outputs, fit: Fit, problem: Problem, rule: Rule, first: PerOutput
 ) -> tuple[Dependence | None, float]:
-    """The same of residuals after tuning."""
+    """The same of residuals after tuning; ``first``: what each output's are a part of."""
     rows, model = problem.rows, problem.model
     names, outputs = model.inputs.names, model.outputs.names
-    before = {r.output: r.rms_before for r in fit.residuals}
+    before = dict(zip(outputs, first.tolist(), strict=True))
     after = {name: _rms(column) for name, column in zip(outputs, left.T, strict=True)}
     if len(outputs) > 1 and len(model.states):
         start, told = problem.residuals(problem.start), [*left.T]

@@ -11,7 +11,7 @@ import numpy as np
 from evertwin.errors import DataError, ModelError
 from evertwin.fold import Block, take
 from evertwin.gauges.misread import Reading
-from evertwin.gauges.sensor_change import Refused
+from evertwin.gauges.sensor_change import Refused, unmeasured
 from evertwin.models.kernel import CONTINUE
 from evertwin.rows.channels import unit_told
 from evertwin.rows.ring import called
@@ -145,10 +145,15 @@ class Rows:
         """What counts as 1 of each output's residual: its usual size, (ny,)."""
         if self.given is not None:
             return self.given
-        usual = self.before[: self.since] if self.since >= LEAST else self.before
-        with np.errstate(all="ignore"):
-            found = np.nanmedian(np.abs(usual), axis=0)
-        return np.where(np.isfinite(found) & (found > 0), found, 1.0)
+        usual = [self.before[: self.since] if self.since >= LEAST else self.before]
+        past = _newest(self.earlier, self.count) if self.since < LEAST else ()
+        if sum(len(one.t) for one in past) >= LEAST:  # what is off on all of these was less off
+            usual.append(unchanged(self.pose(past)))
+        with unmeasured():
+            sizes = [np.nanmedian(np.abs(one), axis=0) for one in usual]
+        sizes = [np.where(np.isfinite(one) & (one > 0), one, np.inf) for one in sizes]
+        found = np.min(sizes, axis=0)
+        return np.where(np.isfinite(found), found, 1.0)
 
     @cached_property
     def zeros(self) -> Vector:
@@ -279,6 +284,16 @@ class Rows:
                 return window.row + place
             place -= len(window.t)
         return self.windows[-1].row + len(self.windows[-1].t) - 1
+
+
+def _newest(windows: Windows, rows: int) -> Windows:
+    """The last so many rows."""
+    found = list[Block]()
+    for window in reversed(windows):
+        n = len(window.t)
+        found += [take(window, max(n - rows, 0), n)] if rows > 0 else []
+        rows -= n
+    return tuple(reversed(found))
 
 
 def _alike(windows: Windows, others: Windows) -> bool:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from evertwin.fold import copy
+from evertwin.fold import Block, copy
 from evertwin.gauges.sensor_change import unmeasured
 from evertwin.loop.decision import Decision
 from evertwin.loop.follow import EMPTY, Follow
@@ -18,8 +18,10 @@ from evertwin.rows.ring import called
 from evertwin.setup.deviation import Sums, judged_deviation
 from evertwin.setup.evaluation import left
 from evertwin.setup.scores import new_scores
+from evertwin.setup.setup import Setup
 from evertwin.setup.twin_state import TRIAL, WATCH, TwinState
 from evertwin.trial.gate_loop import OPEN
+from evertwin.types import PerOutput
 
 ALIKE = 0.5
 """Share of the rows at least whose inputs lie where they lay before."""
@@ -80,12 +82,25 @@ def _nearest(follow: Follow, state: TwinState, since: int) -> int:
     best = min(once, key=lambda k: (share[k], k != first))
     if share[first] <= NEARLY * share[best]:
         best = first
-    size = setup.sizes(np.concatenate([one.y for one in windows]))
-    within = np.nan_to_num(off[best] / size)[setup.watched] <= setup.requirement
     nearer = min((share[k] for k in tried - once), default=np.inf)
-    if share[best] > NEARLY * nearer or not within.all():
+    if share[best] > NEARLY * nearer or not _within(setup, off[best], windows):
         return -1
     return best
+
+
+@unmeasured()
+def _held(follow: Follow, state: TwinState) -> bool:
+    """Was the challenger within what is asked, each output, on the rows of its trial?"""
+    setup, version = follow.setup, follow.versions[state.other.version]
+    windows = setup.ring.between(state.ring, version.row, state.row)
+    model = follow.versions.model(version.number)
+    return bool(windows) and _within(setup, left(setup, model, version.p, windows), windows)
+
+
+def _within(setup: Setup, off: PerOutput, windows: Sequence[Block]) -> bool:
+    """Is what is left, (ny,), within what is asked of each watched output?"""
+    size = setup.sizes(np.concatenate([one.y for one in windows]))
+    return bool((np.nan_to_num(off / size)[setup.watched] <= setup.requirement).all())
 
 
 def _seen(follow: Follow, state: TwinState, since: int) -> bool:
@@ -128,8 +143,9 @@ def goes_live(follow: Follow, state: TwinState, number: int, other: Any, first: 
         first = EMPTY
     elif first.version >= 0:
         first = copy(first)
-    recovery = follow.recovery.init()
+    recovery, within = follow.recovery.init(), False
     if other is not EMPTY:
+        within = _held(follow, state)
         other = other._replace(track=())
         recovery.harm[0] = follow.recovery.before  # its trial has told that it did better
     updates = np.array([_updates(lane), _updates(first)], dtype=np.int64)
@@ -140,7 +156,7 @@ def goes_live(follow: Follow, state: TwinState, number: int, other: Any, first: 
     return state._replace(
         live=lane, stream=follow.goes_on(state, number), first=first, other=other,
         lives=with_live(state.lives, number, state.row),
-        scores=scores, agenda=state.agenda._replace(held=False, told=False, open=0, retell=0),
+        scores=scores, agenda=state.agenda._replace(held=within, told=False, open=0, retell=0),
         trial=follow.setup.probation.init(), recovery=recovery,
         detect=follow.setup.detect.anew(state.detect), external=follow.setup.external.init(),
         # what waits is of the version that goes

@@ -14,7 +14,7 @@ from evertwin.correction.improve import Selection
 from evertwin.gauges.change import likely, split
 from evertwin.gauges.gauge_rows import unchanged
 from evertwin.gauges.noise import buried
-from evertwin.setup.evaluation import falls_short
+from evertwin.setup.evaluation import falls_short, rms_asked
 from evertwin.setup.setup import Setup
 from evertwin.setup.task import Task
 from evertwin.tuning import Fit, Problem, solve
@@ -108,7 +108,8 @@ def _judged(setup: Setup, problem: Problem, fit: Fit) -> Verdict:
         chosen = tuple(name for name in names if name in there)
         if chosen:
             refits[cause] = solve(problem.tuning((*chosen, *own)))
-    found = branch(fit, problem, refits, frozenset(setup.editable))
+    asked = rms_asked(setup, problem, fit)
+    found = branch(fit, problem, refits, frozenset(setup.editable), asked=asked)
     depends: Any = found.evidence["dependence"]
     noisy = buried(setup, problem, fit, depends["share"] if depends else 0.0)
     if noisy:

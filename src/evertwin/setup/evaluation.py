@@ -226,6 +226,13 @@ def off_after(setup: Setup, problem: Problem, fit: Fit) -> PerOutput:
     return np.array([one.rms_after for one in fit.residuals])
 
 
+def rms_asked(setup: Setup, problem: Problem, fit: Fit) -> PerOutput:
+    """Rms residual of an output that is off by just what is asked; 0: nothing is asked of it."""
+    off, rms = off_after(setup, problem, fit), np.array([one.rms_after for one in fit.residuals])
+    held = setup.watched & np.isfinite(setup.requirement) & (off > 0.0)
+    return np.where(held, setup.requirement, 0.0) * rms / np.where(held, off, 1.0)
+
+
 LEAST, LITTLE = 0.05, 0.1
 """Smallest size of an output's loss, by that of the version before: few rows leave too little; and
 the weight in a loss of an output that nothing is explained of, 1: of one that is explained."""
