@@ -51,6 +51,8 @@ CLEARLY = 2.0
 """So many times what a sensor leaves the machine has to leave for the sensor to be named."""
 ALIKE = 1.5
 """So many times what the machine leaves a sensor may leave to look the same."""
+BARELY = 0.7
+"""Part of the squared deviation that one machine for all rows leaves where it explains nothing."""
 SHARE = 0.1
 """What a share is tried with."""
 
@@ -135,6 +137,13 @@ def shifted_output(rows: Rows) -> tuple[SensorChange | None, str]:
     alike = ours <= ALIKE * theirs or (seen and ours <= usual)  # the usual is nothing to explain
     # of a machine that became another one as well nobody says that its sensor alone did
     alike = alike and rows.total(best.alone, known) <= ALIKE * max(theirs, usual)
+    if enough and alike and rows.total(rows.tuned, known) >= BARELY * off:
+        return SensorChange(channel.name, 1.0, (
+            f"{channel.name} looks off by {said}: as its sensor's this explains "
+            f"{100 * (1.0 - ours / off):.0f} % of the deviation, and a machine has to become "
+            "another one time and again for that: sensor or machine, that cannot be told from "
+            "these rows; nothing is learned until it can"
+        ), None, rows.row(edges[0])), ""  # fmt: skip
     told = alike or (steady is not None and _as_learned(rows, steady, known))
     return None, f"; {SENSOR}{channel.name} that is off by {said} {SAME}" if told else ""
 
