@@ -288,7 +288,8 @@ def _calm(
         passed = "".join(f" It was {times}, last at {row}, and has held since." for row in rows)
         return f"The twin fits its machine{again}: {now}{lead}{asked}.{rest}{passed}"
     last = doubts[-1]
-    why = f"it was {times} ({last.signal or last.kind}: {last.reason}), and "
+    why = f"{last.signal or last.kind}: {last.reason}"
+    why = f"it was {times} ({why}), and " if suspected else f"{why}, and "
     return (
         f"Over all rows the twin is within what is asked: {now}{lead}{asked}; but "
         f"{why if last.reason != found else ''}{found}."
