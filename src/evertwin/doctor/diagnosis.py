@@ -8,6 +8,7 @@ where, why, and the next step. Nothing is changed.
 * `look_rates`: positions against the speeds that were measured with them;
 * `look_units`: factors, signs and lags between what is predicted and what is measured;
 * `look_inputs`: measured inputs that are taken for commands;
+* `look_roles`: a sensor of several in the place of one beside the machine;
 * `look_pose`: a pose that is measured elsewhere, or carried along;
 * `look_clocks`: offset, drift and shared lag between the clocks of two or more sources;
 * `look_tuning`: what the rows determine of the parameters, knobs and bounds;
@@ -28,6 +29,7 @@ from evertwin.doctor.check_units import look_lags, look_units
 from evertwin.doctor.examination import View, view
 from evertwin.doctor.finding import Diagnosis, Finding
 from evertwin.doctor.hidden_changes import look_hidden
+from evertwin.doctor.swapped_roles import look_roles
 from evertwin.ledger.versions import Versions
 from evertwin.rows.feed import Data
 from evertwin.setup.setup import Setup
@@ -52,6 +54,7 @@ def diagnose(setup: Setup, versions: Versions, number: int, data: Data) -> Diagn
         figures["simulated_rows"] = sum(len(window.t) for window in seen.simulated)
         figures["judged_rows"] = sum(len(window.t) for window in seen.judged)
     found = [*look_data(seen), *look_samples(seen), *look_rates(seen, figures)]
+    found += look_roles(seen)
     late = [*look_inputs(seen)]
     units = [] if late else look_units(seen, figures)  # a row late, changes have another size
     found += late + units
