@@ -9,14 +9,13 @@ from functools import cached_property
 import numpy as np
 
 from evertwin.errors import DataError, ModelError
-from evertwin.fold import Block, take
+from evertwin.fold import Block, Windows, take
 from evertwin.gauges.misread import Reading
 from evertwin.gauges.sensor_change import Refused
 from evertwin.models.kernel import CONTINUE
 from evertwin.rows.channels import unit_told
 from evertwin.rows.ring import called
 from evertwin.setup.setup import Setup
-from evertwin.setup.task import Windows
 from evertwin.signals.units import conversion_of
 from evertwin.tuning import Fit, Problem
 from evertwin.tuning.closed import Reduced

@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.errors import TooFew
-from evertwin.fold import Block
+from evertwin.fold import Block, Windows
 from evertwin.gauges import in_words
 from evertwin.gauges.change import split
 from evertwin.gauges.course import AT_ONCE, CLEAR, evidence, shape_of
@@ -30,7 +30,6 @@ from evertwin.gauges.sensor_change import SensorChange, unmeasured
 from evertwin.models.kernel import CONTINUE
 from evertwin.rows.channels import is_held, measured
 from evertwin.rows.ring import called
-from evertwin.setup.task import Windows
 from evertwin.types import Bools, Outputs, Vector
 
 PARTS = 24

@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from evertwin.fold import Block
+from evertwin.fold import Block, Windows
 from evertwin.gauges.change import split
 from evertwin.gauges.constant import STEP
 from evertwin.gauges.gauge_rows import FAR, LEAST, unchanged
@@ -18,7 +18,7 @@ from evertwin.gauges.misread import possible
 from evertwin.gauges.sensor_change import unmeasured
 from evertwin.gauges.turned import Numbered, turned
 from evertwin.setup.setup import Setup
-from evertwin.setup.task import Doubt, Windows
+from evertwin.setup.task import Doubt
 from evertwin.tuning import Problem
 from evertwin.tuning.assemble import rms
 from evertwin.types import Outputs

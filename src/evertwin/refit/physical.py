@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
@@ -36,10 +36,10 @@ PRODUCTS = ("Ixy", "Ixz", "Iyz")
 HOLDS = 3
 """Times that bodies are held, each with what they leave to others."""
 
-Tune: TypeAlias = Callable[[Problem], tuple[Fit, dict[str, Any]]]
 
-
-def physically(problem: Problem, tune: Tune) -> tuple[Fit, dict[str, Any]]:
+def physically(
+    problem: Problem, tune: Callable[[Problem], tuple[Fit, dict[str, Any]]]
+) -> tuple[Fit, dict[str, Any]]:
     """A fit, repeated with bounds where its friction would give power out."""
     free, more = tune(problem)
     highest = dict(zip(problem.names, problem.bounds[1].tolist(), strict=True))
