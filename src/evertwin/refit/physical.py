@@ -24,6 +24,7 @@ from evertwin.models import Model, Parameters
 from evertwin.setup.friction_law import Laddered
 from evertwin.signals.units import compatible
 from evertwin.tuning import Fit, Problem
+from evertwin.tuning.fit import Amend
 from evertwin.types import ParameterVector
 
 PASSIVE = ("kg", "kg*m^2", "N*s/m", "N*m*s", "J/K", "W/K", "ohm", "s")
@@ -164,16 +165,10 @@ def _lost(free: Fit, held: Fit) -> float:
 
 def _told(fit: Fit, held: dict[str, str], alike: Collection[str]) -> Fit:
     """What was held is weak, whatever its interval; ``alike``: whose bound does not matter."""
-    words, reasons = list(fit.verdict), list(fit.reasons)
     on = [name for name in fit.names if name in held and fit[name] == 0.0]
-    for name in on:
-        k = fit.names.index(name)
-        words[k] = "not" if words[k] == "not" else "weak"
-        why = f"held at 0: below it {held[name]}"
-        reasons[k] = "; ".join(filter(None, (reasons[k], why)))
+    said = {fit.names.index(name): f"held at 0: below it {held[name]}" for name in on}
+    weak = {k: "" if fit.verdict[k] == "not" else "weak" for k in said}
+    fit = fit.amended({k: Amend(None, weak[k], (why,)) for k, why in said.items()})
     bound = tuple(name for name in fit.at_bound if not (name in alike and name in on))
-    said = f"; {', '.join(on)} held at 0, where friction does not push" if on else ""
-    return replace(
-        fit, verdict=tuple(words), reasons=tuple(reasons), at_bound=bound,
-        message=fit.message + said,
-    )  # fmt: skip
+    more = f"; {', '.join(on)} held at 0, where friction does not push" if on else ""
+    return replace(fit, at_bound=bound, message=fit.message + more)
