@@ -19,8 +19,8 @@ from evertwin.gauges.sensor_change import unmeasured
 from evertwin.gauges.turned import Numbered, turned
 from evertwin.setup.setup import Setup
 from evertwin.setup.task import Doubt
+from evertwin.signals.sizes import rms
 from evertwin.tuning import Problem
-from evertwin.tuning.assemble import rms
 from evertwin.types import Outputs
 
 CLEARLY = 2.0

@@ -23,7 +23,7 @@ from evertwin.rows.channels import measured
 from evertwin.setup.evaluation import predict
 from evertwin.setup.setup import Setup
 from evertwin.signals.mistaken import SIGN, numbers
-from evertwin.tuning.assemble import rms
+from evertwin.signals.sizes import rms
 from evertwin.types import Inputs, Outputs, ParameterVector, Vector
 
 LEFT = 0.01

@@ -26,8 +26,8 @@ from evertwin.refit.physical import physically
 from evertwin.setup.evaluation import left
 from evertwin.setup.setup import Setup
 from evertwin.setup.task import Task
+from evertwin.signals.sizes import rms
 from evertwin.tuning import Fit, Iteration, Problem, Schedule, Settings, own_names
-from evertwin.tuning.assemble import rms
 from evertwin.tuning.curvature import unbent
 from evertwin.tuning.hidden_starts import kept_near, own_starts
 from evertwin.tuning.minima import lowest

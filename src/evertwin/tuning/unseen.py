@@ -8,7 +8,7 @@ import numpy as np
 
 from evertwin.fold import Block
 from evertwin.models import Parameters
-from evertwin.tuning.assemble import rms
+from evertwin.signals.sizes import rms
 from evertwin.tuning.fit import Fit
 from evertwin.tuning.hidden_starts import own_starts
 from evertwin.tuning.problem import Problem
