@@ -18,15 +18,12 @@ from evertwin.tuning.solver import solve
 from evertwin.types import Float64, Vector
 
 
-def held_out(
-    problem: Problem, folds: int | None = None, settings: Settings | None = None
-) -> Float64[np.ndarray, " ny"]:
+def held_out(problem: Problem, settings: Settings | None = None) -> Float64[np.ndarray, " ny"]:
     """rms residual of each output over windows that were left out of the tuning, (ny,).
 
     A fold whose tuning diverged counts as infinitely bad.
     """
-    n = len(problem.windows)
-    count = min(folds or min(n, 10), n)
+    count = min(len(problem.windows), 10)
     parts = []
     for fold in range(count):
         test = tuple(w for i, w in enumerate(problem.windows) if i % count == fold)
