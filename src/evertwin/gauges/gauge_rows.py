@@ -152,9 +152,7 @@ class Rows:
     @cached_property
     def zeros(self) -> Vector:
         """What each channel records as 0 [SI], (nu + ny,): 273.15 K where it is degrees Celsius."""
-        model, spec = self.setup.model, self.setup.spec
-        units = [unit_told(spec, one) for one in (*model.inputs, *model.outputs)]
-        return np.array([conversion_of(unit)[1] for unit in units])
+        return np.array([zero_of(self.setup, k) for k in range(self.values.shape[1])])
 
     @cached_property
     def stop(self) -> int:
@@ -278,6 +276,12 @@ class Rows:
                 return window.row + place
             place -= len(window.t)
         return self.windows[-1].row + len(self.windows[-1].t) - 1
+
+
+def zero_of(setup: Setup, k: int) -> float:
+    """What column ``k`` of inputs and outputs records as 0 [SI]."""
+    channel = (*setup.model.inputs, *setup.model.outputs)[k]
+    return float(conversion_of(unit_told(setup.spec, channel))[1])
 
 
 def _alike(windows: Windows, others: Windows) -> bool:

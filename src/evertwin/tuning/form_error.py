@@ -95,7 +95,8 @@ def carried(problem: Problem, fit: Fit) -> Fit:
         return fit
     every = np.ones(len(fit.outputs), dtype=np.bool_)
     outputs, found, noisy = _wrong(problem, fit, acting, free, every)
-    fit = fit.amended({k: Amend(why=(why,)) for k, why in noisy.items()})
+    if noisy:
+        fit = fit.amended({k: Amend(why=(why,)) for k, why in noisy.items()})
     if not any(found):
         return fit
     k = len(fit.names)
