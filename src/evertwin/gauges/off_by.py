@@ -60,7 +60,7 @@ def left_with(
 
 def learned(
     rows: Rows, one: Column, lines: Float64[np.ndarray, "n k"]
-) -> tuple[Vector, Outputs, Float64[np.ndarray, "n ny k"]] | None:
+) -> tuple[Float64[np.ndarray, " n"], Outputs, Float64[np.ndarray, "n ny k"]] | None:
     """What a column has to be off by for the version as it is to leave least, a sum of ``lines``,
     (n,); what it leaves, (n, ny), and how that goes with each line at first; None: by nothing that
     a sensor can be off by."""
