@@ -6,14 +6,13 @@ import numpy as np
 
 from evertwin.anomaly.spec import AnomalySpec
 from evertwin.config.spec import ModelSpec, TwinSpec
-from evertwin.fold import make_block
+from evertwin.fold import Windows, make_block
 from evertwin.gauges.change import split
 from evertwin.gauges.gauge_rows import Rows
 from evertwin.gauges.offset import offset
 from evertwin.models import FunctionModel, Parameters
 from evertwin.models.translated import translated
 from evertwin.setup.setup import Setup
-from evertwin.setup.task import Windows
 from evertwin.signals import Layout
 from evertwin.tuning import Problem, solve
 from evertwin.types import ParameterVector, Vector

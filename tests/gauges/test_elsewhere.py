@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 
 from evertwin.config.spec import AnomalySpec, ModelSpec, Span, TwinSpec
-from evertwin.fold import make_block
+from evertwin.fold import Windows, make_block
 from evertwin.gauges.elsewhere import elsewhere
 from evertwin.gauges.gauge_rows import Rows
 from evertwin.models import FunctionModel, Parameters
 from evertwin.models.translated import translated
 from evertwin.setup.setup import Setup
-from evertwin.setup.task import Windows
 from evertwin.signals import Layout
 from evertwin.tuning import Problem, solve
 from evertwin.types import Vector

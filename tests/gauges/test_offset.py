@@ -9,14 +9,13 @@ import pytest
 
 from evertwin.anomaly.spec import AnomalySpec
 from evertwin.config.spec import ModelSpec, TwinSpec
-from evertwin.fold import Mark, make_block
+from evertwin.fold import Mark, Windows, make_block
 from evertwin.gauges.change import split
 from evertwin.gauges.gauge_rows import Rows
 from evertwin.gauges.offset import offset
 from evertwin.models import FunctionModel, Parameters
 from evertwin.models.translated import translated
 from evertwin.setup.setup import Setup
-from evertwin.setup.task import Windows
 from evertwin.signals import Layout
 from evertwin.tuning import Problem, solve
 from evertwin.types import ParameterVector, Vector

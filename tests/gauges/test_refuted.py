@@ -9,8 +9,19 @@ import numpy as np
 import pytest
 
 from evertwin import Twin
+from evertwin.anomaly.spec import AnomalySpec
+from evertwin.config.spec import ModelSpec, TwinSpec
+from evertwin.fold import Windows, make_block
+from evertwin.gauges.refuted import refuted
+from evertwin.models import FunctionModel, Parameters
+from evertwin.models.translated import translated
 from evertwin.outcome import RunResult
-from evertwin.types import Vector
+from evertwin.setup.setup import Setup
+from evertwin.setup.task import Doubt
+from evertwin.signals import Layout
+from evertwin.sources.spec import ChannelSpec, SourceSpec
+from evertwin.tuning import Problem
+from evertwin.types import ParameterVector, Vector
 from planted.draws import first_of
 
 Columns = dict[str, Vector]
@@ -163,3 +174,34 @@ def test_a_heading_that_moves_again_is_in_doubt_no_longer(tmp_path: Path) -> Non
     assert accused(result) == ["heading", "not heading"]
     assert result.headline.startswith("w has been in error since row 1561")
     assert "degrees for radians" in result.headline
+
+
+def cooled(x: Vector, u: Vector, dt: float, p: ParameterVector) -> tuple[list[float], list[float]]:
+    warm = x[0] + dt * (u[0] - p[0] * (x[0] - 288.15)) / 2e4
+    return [warm], [warm]
+
+
+@pytest.mark.parametrize("share", [0.8, 1.1, 1.2])
+@first_of("seed", range(6))
+def test_a_share_of_degrees_celsius_is_one_of_what_is_recorded(share: float, seed: int) -> None:
+    """A chamber about 0 degC, whose sensor scales from half of the rows on: a share of kelvins
+    explains none of it, and said that the channel is read rightly."""
+    rng, n = np.random.default_rng(seed), 1200
+    power, box = np.repeat(rng.uniform(-900.0, 300.0, n // 60), 60), [rng.uniform(258.0, 288.0)]
+    for watts in power[1:]:
+        box.append(cooled(box[-1:], [watts], 10.0, [22.0])[0][0])  # type: ignore[arg-type]
+    read = np.array(box) - 273.15 + rng.normal(0.0, 0.05, n)
+    read[n // 2 :] *= share
+    model = translated(FunctionModel(
+        cooled, Layout.of(power="W"), Layout.of(box="K"), Layout.of(box="K"),
+        Parameters.of(loss=(22.0, "W/K")),
+    ))  # fmt: skip
+    block = make_block(np.arange(n) * 10**10, power[:, None], read[:, None] + 273.15)
+    log = SourceSpec("log", {"power": ChannelSpec("p", "W"), "box": ChannelSpec("b", "degC")})
+    spec = TwinSpec("chamber", ModelSpec("python"), source=(log,), anomaly=AnomalySpec(0.15))
+
+    def pose(windows: Windows) -> Problem:
+        return Problem(model, windows, horizon=600.0)
+
+    doubt = Doubt("box", 1.0, n // 2 + 20)
+    assert not refuted(Setup(spec, model), pose, ((), (block,)), doubt)

@@ -12,13 +12,12 @@ import pytest
 
 from evertwin.config.spec import AnomalySpec, ModelSpec, TwinSpec
 from evertwin.errors import TooFew
-from evertwin.fold import make_block
+from evertwin.fold import Windows, make_block
 from evertwin.gauges.gauge import silent
 from evertwin.gauges.gauge_rows import Rows
 from evertwin.models import FunctionModel, Parameter, Parameters
 from evertwin.models.translated import translated
 from evertwin.setup.setup import Setup
-from evertwin.setup.task import Windows
 from evertwin.signals import Layout
 from evertwin.tuning import Problem, solve
 

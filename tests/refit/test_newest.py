@@ -6,11 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from evertwin.fold import make_block
+from evertwin.fold import Windows, make_block
 from evertwin.models import FunctionModel, Parameters
 from evertwin.models.translated import translated
 from evertwin.refit.newest import newest
-from evertwin.setup.task import Windows
 from evertwin.signals import Layout
 from evertwin.tuning import Fit, Problem, solve
 

@@ -45,7 +45,7 @@ def in_another_unit(seed: int, column: int, factor: float) -> tuple[Block, Block
 @pytest.mark.parametrize("seed", range(10))
 @pytest.mark.parametrize(
     ("column", "factor"),
-    [(0, 1000.0), (0, 100.0), (0, 1 / 0.0254), (1, 180.0 / np.pi), (0, 1 / 0.3048)],
+    [(0, 1000.0), (0, 100.0), (0, 1 / 0.0254), (1, 180.0 / np.pi), (0, 1 / 0.3048), (0, 3.6)],
 )
 def test_the_unit_is_named_and_nothing_else_is_accused(
     column: int, factor: float, seed: int

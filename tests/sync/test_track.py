@@ -424,10 +424,10 @@ def test_a_sensor_in_a_larger_unit_is_not_frozen(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_a_factor_that_later_rows_refute_is_over(seed: int) -> None:
-    """A pump clogs to 0.305 of what it gave, as feet for metres would look, and opens by half."""
+    """A pump clogs to 0.227 of what it gave, as m³/h for gallons a minute, and opens by half."""
     rng, n = np.random.default_rng(seed), 3000
     speed = np.convolve(np.repeat(rng.uniform(900.0, 2100.0, 40), 80), np.ones(40) / 40.0, "valid")
-    share = np.repeat([1.0, 0.3048, 0.45], n // 3)
+    share = np.repeat([1.0, 1 / 4.40287, 0.34], n // 3)
     flow = 7e-7 * speed[:n] * share + rng.normal(0.0, 7e-6, n)
     model = FunctionModel(
         lambda x, u, dt, p: ([], [7e-7 * u[0]]), Layout.of(n="rad/s"), Layout.of(q="m^3/s")

@@ -10,7 +10,8 @@ import pytest
 from evertwin.fold import make_block
 from evertwin.models import FunctionModel, Parameters
 from evertwin.signals import Layout
-from evertwin.sync import Track
+from evertwin.signals.mistaken import FACTORS, PURE, Factor, numbers
+from evertwin.sync import Track, places
 
 N, H, CHANGED = 600, 0.1, 300
 
@@ -49,6 +50,11 @@ def told(unit: str, factor: float, seed: int) -> tuple[float, str]:
         ("N", 10.0, "factor of 10"),
         ("m", 10.0, "factor of 10"),
         ("m", 3.28084, "(feet for metres)"),
+        ("N", 4.44822, "newtons for pounds"),
+        ("Nm", 1 / 8.85075, "newton metres for inch pounds"),
+        ("Pa", 14.5038, "psi for bars"),
+        ("m/s", 3.6, "km/h for m/s"),
+        ("m^3/s", 3.78541, "litres for gallons"),
     ],
 )
 def test_units_of_the_quantity_are_named_first(
@@ -57,3 +63,20 @@ def test_units_of_the_quantity_are_named_first(
     found, reason = told(unit, factor, seed)
     assert found == pytest.approx(factor, rel=1e-4)
     assert said in reason
+
+
+@pytest.mark.parametrize("one", FACTORS, ids=lambda one: one.said)
+def test_the_stream_tries_the_factors_of_a_fit_that_no_machine_changes_by(one: Factor) -> None:
+    tried = [unit for unit in one.units or ("W",) if one.number in suspected(unit)]
+    assert tried == ([] if 0.0 < one.number < PURE else [*(one.units or ("W",))])
+    other = "kg" if "kg" not in one.units else "V"
+    assert (one.number in suspected(other)) == (not one.units)
+
+
+def suspected(unit: str) -> list[float]:
+    """Factors that a channel of a unit is suspected of in the stream: a fit tries them, too."""
+    out = Layout.of(speed=unit)
+    track = Track(FunctionModel(fan, Layout.of(i="A"), out, out, Parameters.of(gain=(15.0, "1"))))
+    found = places.FACTORS[track._settings[0][0, places.TRIED :] != places.NEVER].tolist()
+    assert set(found) <= {number for number, _ in numbers(unit)}
+    return found

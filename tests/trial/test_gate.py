@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from evertwin.errors import UsageError
 from evertwin.fold import copy, equal, load, save
-from evertwin.trial import Probation, Trial, admit
+from evertwin.trial import PROBATION, Trial, admit
 from evertwin.trial.betting import GRID, LENGTHS, evidence, open_bets, place
 from evertwin.trial.gate_loop import run, unsafe
 from evertwin.trial.spec import TrialSpec
@@ -30,7 +30,7 @@ def segments(
     return size * np.stack([((g * way - measured) ** 2).mean(axis=1) for g in models], axis=1)
 
 
-def verdicts(stage: Trial | Probation, gain: float, models: tuple[float, float]) -> list[object]:
+def verdicts(stage: Trial, gain: float, models: tuple[float, float]) -> list[object]:
     rng = np.random.default_rng(1)
     return [stage.step(stage.init(), segments(rng, gain, models))[1] for _ in range(RUNS)]
 
@@ -61,12 +61,12 @@ def test_a_worse_challenger_is_rejected_early() -> None:
 
 @pytest.mark.parametrize("bad", [0.9, 1.1])
 def test_a_bad_promotion_is_rolled_back(bad: float) -> None:
-    assert verdicts(Probation(), 1.0, (bad, 1.0)).count("roll_back") >= 0.95 * RUNS
+    assert verdicts(PROBATION, 1.0, (bad, 1.0)).count("roll_back") >= 0.95 * RUNS
 
 
 def test_a_good_promotion_is_kept() -> None:
-    assert verdicts(Probation(), 1.1, (1.1, 1.0)) == ["keep"] * RUNS
-    assert verdicts(Probation(), 1.0, (1.0, 1.002)).count("roll_back") <= 0.05 * RUNS
+    assert verdicts(PROBATION, 1.1, (1.1, 1.0)) == ["keep"] * RUNS
+    assert verdicts(PROBATION, 1.0, (1.0, 1.002)).count("roll_back") <= 0.05 * RUNS
 
 
 @pytest.mark.parametrize("size", [1e-12, 1e9])
@@ -181,10 +181,8 @@ def test_messages_say_what_was_expected() -> None:
         Trial(proven=0.2)
     with pytest.raises(UsageError, match="horizon"):
         Trial(horizon=0.0)
-    with pytest.raises(UsageError, match="alpha"):
-        Probation(alpha=1.0)
-    with pytest.raises(UsageError, match="segments"):
-        Probation(segments=9, limit=3)
+    with pytest.raises(UsageError, match="alpha_reject"):
+        Trial(alpha_reject=1.0)
 
 
 def test_repeated_fits_must_lie_inside_their_intervals() -> None:

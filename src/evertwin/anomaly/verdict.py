@@ -46,11 +46,12 @@ import numpy as np
 from evertwin.anomaly.along import along, effects, late, timed
 from evertwin.fold import plain
 from evertwin.models.kernel import CONTINUE
+from evertwin.signals.sizes import rms_of
 from evertwin.tuning import Dependence, Fit, Problem
 from evertwin.tuning.autocorrelation import Correlation
 from evertwin.tuning.classes import Classes
 from evertwin.tuning.statistics import depends
-from evertwin.types import Float64, Inputs, Json, Outputs, PerOutput, Vector
+from evertwin.types import Float64, Inputs, Json, Outputs, PerOutput
 
 
 @dataclass(frozen=True)
@@ -199,14 +200,14 @@ def _weightiest(
     rows, model = problem.rows, problem.model
     names, outputs = model.inputs.names, model.outputs.names
     before = dict(zip(outputs, first.tolist(), strict=True))
-    after = {name: _rms(column) for name, column in zip(outputs, left.T, strict=True)}
+    after = {name: rms_of(column, 0.0) for name, column in zip(outputs, left.T, strict=True)}
     if len(outputs) > 1 and len(model.states):
         start, told = problem.residuals(problem.start), [*left.T]
         for name, effect in zip(names, effects(problem, fit.values), strict=True):
             now, was = (along(effect, r, fit.noise) for r in (left, start))
             told.append(now)
             outputs = (*outputs, f"the effect of {name}")
-            before[outputs[-1]], after[outputs[-1]] = _rms(was), _rms(now)
+            before[outputs[-1]], after[outputs[-1]] = rms_of(was, 0.0), rms_of(now, 0.0)
         left = np.stack(told, axis=1)
     found = depends(
         Correlation.of(left),
@@ -222,11 +223,6 @@ def _weightiest(
         if part >= max(rule.part, most):
             worst, most = one, part
     return worst, most
-
-
-def _rms(values: Vector) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(known**2))) if len(known) else 0.0
 
 
 def _change(u: Inputs, code: np.ndarray) -> Inputs:

@@ -13,8 +13,6 @@ from evertwin.signals import Layout
 from evertwin.signals.mistaken import SIGN, numbers
 from evertwin.types import Vector
 
-MILLION = 1e6
-"""The one decimal prefix that `evertwin.signals.mistaken` does not try."""
 STAMPS = "the stamps"
 
 
@@ -51,8 +49,6 @@ class Suspect:
             else:
                 said = f"{1.0 / number:.6g}" if number < 1.0 else f"1/{number:g}"
                 yield 1.0 / number, f"{said} ({told.replace(' for ', ' taken for ')})"
-        yield MILLION, "10^6"
-        yield 1.0 / MILLION, "10^-6"
 
 
 Factor: TypeAlias = tuple[Suspect, float]

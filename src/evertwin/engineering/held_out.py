@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from evertwin.fold import plain
-from evertwin.signals.sizes import size
+from evertwin.signals.sizes import rms_of, size
 from evertwin.tuning.statistics import autocorrelation, dependences, ljung_box
 from evertwin.types import Inputs, Json, Outputs, Vector
 
@@ -236,9 +236,9 @@ def _output(
     residual, measured, moving = columns
     known = ~np.isnan(residual)
     moves = known & moving
-    rms = _rms(residual[known])
+    rms = rms_of(residual[known])
     whole, moved = (
-        _rms(residual[on]) / size(measured[on], rules.units[k] == "K") for on in (known, moves)
+        rms_of(residual[on]) / size(measured[on], rules.units[k] == "K") for on in (known, moves)
     )
     asked = math.isfinite(rules.requirement) and rules.outputs[k] in rules.watched
     judged = (moved if rules.moving else whole) if rules.relative else rms
@@ -272,7 +272,3 @@ def _left(runs: Sequence[Run], rules: Rules) -> dict[str, dict[str, Any]]:
             "share": float(found.share) if found and tells else 0.0,
         }  # fmt: skip
     return out
-
-
-def _rms(values: Vector) -> float:
-    return float(np.sqrt(np.mean(values**2))) if len(values) else math.nan

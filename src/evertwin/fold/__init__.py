@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from evertwin.fold.beats import Beat as Beat
     from evertwin.fold.block import (
         Block as Block,
+        Windows as Windows,
         concatenate as concatenate,
         make_block as make_block,
         take as take,

@@ -103,6 +103,10 @@ def make_block(
     return Block(row, stamps, steps * 1e-9, inputs, outputs, mark, tasks, gap)
 
 
+Windows = tuple[Block, ...]
+"""Stretches of rows, in the order of time."""
+
+
 def take(block: Block, start: int, stop: int) -> Block:
     """Rows ``start`` to ``stop`` (positions in the block), as views."""
     if start == 0 and stop >= len(block.t):

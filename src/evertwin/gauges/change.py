@@ -14,7 +14,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from evertwin.fold import Block, take
+from evertwin.fold import Block, Windows, take
 from evertwin.gauges.gauge_rows import residual, unchanged
 from evertwin.gauges.sensor_change import unmeasured
 from evertwin.gauges.settled import settled
@@ -32,7 +32,6 @@ RESTORED = 0.7
 """Share of the rise at the place that this fit has to take back."""
 BINS = 20
 """Parts of an input's range that count as one place."""
-Windows = tuple[Block, ...]
 
 
 def split(windows: Windows, place: int) -> tuple[Windows, Windows]:

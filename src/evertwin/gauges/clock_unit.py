@@ -13,13 +13,12 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.config import TwinSpec
-from evertwin.fold import Block
+from evertwin.fold import Block, Windows
 from evertwin.gauges.misread import ANSWERED, LEFT, ROWS, WRONG, newest_rows
 from evertwin.gauges.sensor_change import SensorChange
 from evertwin.gauges.unlike import Changes, changes
 from evertwin.models import Model
 from evertwin.setup.setup import Setup
-from evertwin.setup.task import Windows
 from evertwin.sources.stamps import LONG, UNITS, seconds_of
 from evertwin.types import ParameterVector
 

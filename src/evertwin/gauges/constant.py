@@ -7,14 +7,14 @@ is left then goes on for a while from row to row; so blocks of rows say how sure
 
 from __future__ import annotations
 
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 
-from evertwin.fold import Block
-from evertwin.gauges.gauge_rows import Rows, residual, unchanged
-from evertwin.tuning import Problem
-from evertwin.types import Bools, Outputs
+from evertwin.gauges import off_by
+from evertwin.gauges.gauge_rows import Rows, residual
+from evertwin.gauges.off_by import Column, recorded, undone
+from evertwin.types import Bools, Outputs, Vector
 
 BLOCKS = 12
 """Blocks of rows, each of which tells by itself."""
@@ -28,9 +28,6 @@ VAGUE = 3.0
 """Sides of so many times its size say nothing of a constant."""
 STEP = 0.01
 """Share of a constant by which it is varied."""
-
-Column: TypeAlias = tuple[int, bool]
-"""Which column of inputs and outputs, and whether it is off by a share."""
 
 
 class Constant(NamedTuple):
@@ -59,12 +56,13 @@ def beside(rows: Rows, one: Column, shift: float, seen: Bools) -> Constant:
     names = tuple(name for name in rows.fit.names if name in rows.whole.names)
     size, values = shift, rows.whole.start
     for _ in range(ROUNDS):
-        there, more = _posed(rows, one, size), _posed(rows, one, (1.0 + STEP) * size)
+        by, further = (_steady(rows, s) for s in (size, (1.0 + STEP) * size))
+        there, more = (rows.pose(undone(rows.setup, rows.windows, one, b)) for b in (by, further))
         if names:
             there, more = there.tuning(names), more.tuning(names)
             values = there.start if values is rows.whole.start else values
-        here = recorded(rows, one, size, residual(there, values))
-        other = recorded(rows, one, (1.0 + STEP) * size, residual(more, values))
+        here = recorded(rows.setup, residual(there, values), one, by)
+        other = recorded(rows.setup, residual(more, values), one, further)
         columns = ((other - here) / (STEP * size))[:, :, None]
         if names:
             columns = np.concatenate([columns, -there.jacobian(values)], axis=2)
@@ -91,28 +89,10 @@ def _error(rows: Rows, columns: np.ndarray, left: Outputs, used: Bools) -> float
 
 def left_with(rows: Rows, one: Column, shift: float, stop: int | None = None) -> Outputs:
     """Residual with that taken off up to row ``stop``, in what was recorded."""
-    posed = _posed(rows, one, shift, stop)
-    return recorded(rows, one, shift, unchanged(posed), stop)
+    by = _steady(rows, shift, stop)
+    return off_by.left_with(rows.setup, rows.pose, rows.windows, one, by)
 
 
-def _posed(rows: Rows, one: Column, shift: float, stop: int | None = None) -> Problem:
-    (k, scaled), nu, zero = one, len(rows.setup.model.inputs), float(rows.zeros[one[0]])
-
-    def moved(window: Block) -> Block:
-        u, y = window.u.copy(), window.y.copy()
-        side, column = (u, k) if k < nu else (y, k - nu)
-        read = side[:, column]
-        side[:, column] = zero + (read - zero) / (1.0 + shift) if scaled else read - shift
-        return window._replace(u=u, y=y)
-
-    return rows.pose(rows.changed(rows.since, rows.stop if stop is None else stop, moved))
-
-
-def recorded(
-    rows: Rows, one: Column, shift: float, left: Outputs, stop: int | None = None
-) -> Outputs:
-    """A residual without a constant, in what was recorded. Writes into it."""
-    (k, scaled), nu = one, len(rows.setup.model.inputs)
-    if scaled and k >= nu:
-        left[rows.since : rows.stop if stop is None else stop, k - nu] *= 1.0 + shift
-    return left
+def _steady(rows: Rows, shift: float, stop: int | None = None) -> Vector:
+    at = np.arange(rows.count)
+    return np.where((at >= rows.since) & (at < (rows.stop if stop is None else stop)), shift, 0.0)

@@ -24,6 +24,7 @@ from functools import partial
 import numpy as np
 
 from evertwin.errors import TooFew
+from evertwin.fold import Windows
 from evertwin.gauges.change import split
 from evertwin.gauges.gauge_rows import LEAST, Rows
 from evertwin.gauges.kinematic import contradicted
@@ -35,7 +36,6 @@ from evertwin.gauges.unit_change import unit_change
 from evertwin.models import Model
 from evertwin.rows.ring import called
 from evertwin.setup.setup import Setup
-from evertwin.setup.task import Windows
 from evertwin.signals import wrap
 from evertwin.signals.mistaken import SIGN
 from evertwin.types import Outputs, ParameterVector, Vector

@@ -9,14 +9,13 @@ from functools import cached_property
 import numpy as np
 
 from evertwin.errors import DataError, ModelError
-from evertwin.fold import Block, take
+from evertwin.fold import Block, Windows, take
 from evertwin.gauges.misread import Reading
 from evertwin.gauges.sensor_change import Refused, unmeasured
 from evertwin.models.kernel import CONTINUE
 from evertwin.rows.channels import unit_told
 from evertwin.rows.ring import called
 from evertwin.setup.setup import Setup
-from evertwin.setup.task import Windows
 from evertwin.signals.units import conversion_of
 from evertwin.tuning import Fit, Problem
 from evertwin.tuning.closed import Reduced
@@ -158,9 +157,7 @@ class Rows:
     @cached_property
     def zeros(self) -> Vector:
         """What each channel records as 0 [SI], (nu + ny,): 273.15 K where it is degrees Celsius."""
-        model, spec = self.setup.model, self.setup.spec
-        units = [unit_told(spec, one) for one in (*model.inputs, *model.outputs)]
-        return np.array([conversion_of(unit)[1] for unit in units])
+        return np.array([zero_of(self.setup, k) for k in range(self.values.shape[1])])
 
     @cached_property
     def stop(self) -> int:
@@ -294,6 +291,12 @@ def _newest(windows: Windows, rows: int) -> Windows:
         found += [take(window, max(n - rows, 0), n)] if rows > 0 else []
         rows -= n
     return tuple(reversed(found))
+
+
+def zero_of(setup: Setup, k: int) -> float:
+    """What column ``k`` of inputs and outputs records as 0 [SI]."""
+    channel = (*setup.model.inputs, *setup.model.outputs)[k]
+    return float(conversion_of(unit_told(setup.spec, channel))[1])
 
 
 def _alike(windows: Windows, others: Windows) -> bool:

@@ -12,9 +12,9 @@ import math
 
 import numpy as np
 
-from evertwin.fold import Block
 from evertwin.gauges import in_words
 from evertwin.gauges.gauge_rows import LEAST, Rows, unchanged
+from evertwin.gauges.off_by import left_with
 from evertwin.gauges.sensor_change import since_change, unmeasured
 from evertwin.ledger.caveats import MORE, SAME
 from evertwin.rows.channels import measured
@@ -90,13 +90,8 @@ def _off(rows: Rows, k: int, scaled: bool) -> tuple[float, float, str] | None:
 
 def _left(rows: Rows, k: int, scaled: bool, by: float) -> Outputs:
     """Residual of the version as it is, the input without what it is off by, (n, ny)."""
-    zero, here, at, windows = float(rows.zeros[k]), _here(rows), 0, list[Block]()
-    for window in rows.problem.windows:
-        u, on = window.u.copy(), here[at : at + len(window.t)]
-        at += len(on)
-        u[on, k] = zero + (u[on, k] - zero) / (1.0 + by) if scaled else u[on, k] - by
-        windows.append(window._replace(u=u))
-    return unchanged(rows.pose(tuple(windows)))
+    all_by = np.where(_here(rows), by, 0.0)
+    return left_with(rows.setup, rows.pose, rows.problem.windows, (k, scaled), all_by)
 
 
 def _here(rows: Rows) -> Bools:

@@ -20,17 +20,16 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.errors import TooFew
-from evertwin.fold import Block
 from evertwin.gauges import in_words
 from evertwin.gauges.change import split
 from evertwin.gauges.course import AT_ONCE, CLEAR, evidence, shape_of
-from evertwin.gauges.gauge_rows import LEAST, Rows, unchanged
+from evertwin.gauges.gauge_rows import LEAST, Rows
 from evertwin.gauges.noise import CHANCE
+from evertwin.gauges.off_by import left_with, undone
 from evertwin.gauges.sensor_change import SensorChange, unmeasured
 from evertwin.models.kernel import CONTINUE
 from evertwin.rows.channels import is_held, measured
 from evertwin.rows.ring import called
-from evertwin.setup.task import Windows
 from evertwin.types import Bools, Outputs, Vector
 
 PARTS = 24
@@ -197,8 +196,7 @@ def _size(off: Outputs, usual: Outputs, own: Outputs) -> float:
 
 def _slope(rows: Rows, k: int, by: Vector) -> Outputs:
     """What input ``k`` less ``by`` adds to the residual; 0 where it is not known, (n, ny)."""
-    there = rows.pose(without(rows, k, by))
-    more = unchanged(there) - rows.before
+    more = left_with(rows.setup, rows.pose, rows.windows, (k, False), by) - rows.before
     return np.asarray(np.where(np.isfinite(more), more, 0.0))
 
 
@@ -206,7 +204,7 @@ def _shift(rows: Rows, guess: Guess) -> Shift | None:
     """The shift, one machine tuned beside it on all rows; None: two machines are likelier, one
     before and one since the change."""
     (first, last), k = guess.span, guess.column
-    left = rows.left_on(without(rows, k, guess.size * guess.shape))
+    left = rows.left_on(undone(rows.setup, rows.windows, (k, False), guess.size * guess.shape))
     if left is None:
         return None
     known = np.isfinite(left)
@@ -242,17 +240,6 @@ def _no_worse(rows: Rows, both: np.ndarray) -> float:
     """So many times what two machines leave a shift may leave: a few leave more to chance."""
     begins = (rows.whole.restart.code != CONTINUE) & both.any(axis=1)
     return max(NO_WORSE, 1.0 + CHANCE * math.sqrt(2.0 / max(int(np.count_nonzero(begins)), 1)))
-
-
-def without(rows: Rows, k: int, by: Vector) -> Windows:
-    """The rows, with input ``k`` less what it is off ``by``, (n,)."""
-    found, at = list[Block](), 0
-    for window in rows.windows:
-        u, n = window.u.copy(), len(window.t)
-        u[:, k] -= by[at : at + n]
-        at += n
-        found.append(window._replace(u=u))
-    return tuple(found)
 
 
 def _when(rows: Rows, profile: Profile, record: Vector) -> tuple[int, int]:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from evertwin.anomaly.kinematics import FEWEST, STRETCH
+from evertwin.fold import Windows
 from evertwin.gauges.change import split
 from evertwin.gauges.gauge_rows import Rows
 from evertwin.gauges.sensor_change import SensorChange
 from evertwin.rows.ring import called
 from evertwin.setup.setup import Setup
-from evertwin.setup.task import Windows
 from evertwin.types import Vector
 
 MOVES = 10

@@ -20,14 +20,13 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.errors import TooFew
-from evertwin.fold import Block, Mark, take
+from evertwin.fold import Block, Mark, Windows, take
 from evertwin.gauges.sensor_change import LEAST, SensorChange, since_change, unmeasured
 from evertwin.gauges.unlike import Changes, changes
 from evertwin.models import Model
 from evertwin.rows.channels import averaged, unit_told
 from evertwin.rows.ring import called
 from evertwin.setup.setup import Setup
-from evertwin.setup.task import Windows
 from evertwin.signals import Channel, wrap
 from evertwin.signals.mistaken import SIGN, TURN, Mistake, mistaken
 from evertwin.signals.units import conversion_of

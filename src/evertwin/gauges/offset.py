@@ -21,10 +21,11 @@ from evertwin.errors import TooFew
 from evertwin.fold import Mark
 from evertwin.gauges import in_words
 from evertwin.gauges.change import split
-from evertwin.gauges.constant import BLOCKS, SIDES, Column, Constant, beside, left_with
+from evertwin.gauges.constant import BLOCKS, SIDES, Constant, beside, left_with
 from evertwin.gauges.elsewhere import elsewhere
 from evertwin.gauges.gauge_rows import LEAST, Rows, residual, unchanged
 from evertwin.gauges.input_shift import of_inputs, shifted_inputs
+from evertwin.gauges.off_by import Column
 from evertwin.gauges.sensor_change import SensorChange, unmeasured
 from evertwin.gauges.unlike import changes
 from evertwin.rows.ring import called

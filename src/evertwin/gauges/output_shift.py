@@ -20,10 +20,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evertwin.fold import Block
 from evertwin.gauges import in_words
 from evertwin.gauges.change import split
-from evertwin.gauges.gauge_rows import LEAST, Rows, residual, unchanged
+from evertwin.gauges.gauge_rows import LEAST, Rows, residual
+from evertwin.gauges.off_by import Column, learned, recorded, undone
 from evertwin.gauges.sensor_change import SensorChange, unmeasured
 from evertwin.ledger.caveats import SAME, SENSOR
 from evertwin.models.kernel import CONTINUE
@@ -37,8 +37,6 @@ ROWS = 60
 """Rows of a part, at least."""
 PREDICTIONS = 4
 """Predictions of a part, at least."""
-STEPS = 3
-"""Steps towards what the sensor is off by."""
 EXPLAINED = 0.5
 """Share of the squared deviation that a sensor leaves at most."""
 OF_NOTE = 0.25
@@ -53,8 +51,6 @@ ALIKE = 1.5
 """So many times what the machine leaves a sensor may leave to look the same."""
 BARELY = 0.7
 """Part of the squared deviation that one machine for all rows leaves where it explains nothing."""
-SHARE = 0.1
-"""What a share is tried with."""
 
 
 class Off(NamedTuple):
@@ -227,55 +223,22 @@ def _lines(n: int, edges: list[int]) -> Float64[np.ndarray, "n k"]:
     return each
 
 
-def _off(rows: Rows, channel: tuple[int, bool], lines: Float64[np.ndarray, "n k"]) -> Off | None:
+def _off(rows: Rows, one: Column, lines: Float64[np.ndarray, "n k"]) -> Off | None:
     """What a channel has to be off by, or by what share, to leave least, beside one machine tuned
     to all rows; a sum of ``lines``."""
-    (k, scaled), nu = channel, len(rows.setup.model.inputs)
-    step = float(np.nanstd(rows.values[:, k])) if k < nu else 5.0 * float(rows.sizes[k - nu])
-    step, zero = SHARE if scaled else step, float(rows.zeros[k])
-    if not step > 0.0:
+    found = learned(rows, one, lines)
+    if found is None:
         return None
-
-    def undone(by: Vector) -> tuple[Block, ...]:
-        found, at = list[Block](), 0
-        for window in rows.windows:
-            own = by[at : at + len(window.t)]
-            side, column = (window.u.copy(), k) if k < nu else (window.y.copy(), k - nu)
-            read = side[:, column]
-            side[:, column] = zero + (read - zero) / (1.0 + own) if scaled else read - own
-            at += len(own)
-            found.append(window._replace(u=side) if k < nu else window._replace(y=side))
-        return tuple(found)
-
-    def recorded(left: Outputs, by: Vector) -> Outputs:
-        """A residual in what was recorded."""
-        if scaled:
-            left = left.copy()
-            left[:, k - nu] *= 1.0 + by
-        return left
-
-    def left_with(by: Vector) -> Outputs:
-        posed = rows.pose(undone(by))
-        return recorded(unchanged(posed), by)
-
-    since = np.where(lines.any(axis=1), step, 0.0)
-    slope = (left_with(since) - rows.before) / step
-    by, left = np.zeros(rows.count), rows.before
-    for _ in range(STEPS):
-        by = by + lines @ rows.least(slope[:, :, None] * lines[:, None, :], left)
-        if scaled and (by <= -1.0 + SHARE).any():
-            return None
-        left = left_with(by)
-    alone, tuned = left, rows.left_on(undone(by))
+    by, left, columns = found
+    alone, tuned = left, rows.left_on(undone(rows.setup, rows.windows, one, by))
     if tuned is not None:
-        columns = slope[:, :, None] * lines[:, None, :]
-        tuned = recorded(tuned, by)
+        tuned = recorded(rows.setup, tuned, one, by)
         more = rows.least(columns, tuned)
         tuned = tuned + columns @ more
         known = np.isfinite(tuned) & np.isfinite(left)
         if rows.total(tuned, known) < rows.total(left, known):
             by, left = by + lines @ more, tuned
-    return Off(k, scaled, by, left, alone)
+    return Off(*one, by, left, alone)
 
 
 def _machine(rows: Rows, edges: list[int]) -> Outputs | None:

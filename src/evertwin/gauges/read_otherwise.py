@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from evertwin.fold import Windows
 from evertwin.gauges.misread import likeliest, seen, total
 from evertwin.gauges.sensor_change import unmeasured
 from evertwin.gauges.turned import Numbered, liveliest, turned
 from evertwin.setup.setup import Setup
-from evertwin.setup.task import Windows
 
 CLEARLY = 2.0
 """Times the squared mismatch that a reading leaves with numbers that nobody tuned, which tuned ones

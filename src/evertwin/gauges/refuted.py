@@ -10,17 +10,18 @@ from collections.abc import Callable
 
 import numpy as np
 
-from evertwin.fold import Block
+from evertwin.fold import Windows
 from evertwin.gauges.change import split
 from evertwin.gauges.constant import STEP
 from evertwin.gauges.gauge_rows import FAR, LEAST, unchanged
 from evertwin.gauges.misread import possible
+from evertwin.gauges.off_by import Column, left_with
 from evertwin.gauges.sensor_change import unmeasured
 from evertwin.gauges.turned import Numbered, turned
 from evertwin.setup.setup import Setup
-from evertwin.setup.task import Doubt, Windows
+from evertwin.setup.task import Doubt
+from evertwin.signals.sizes import rms
 from evertwin.tuning import Problem
-from evertwin.tuning.assemble import rms
 from evertwin.types import Outputs
 
 CLEARLY = 2.0
@@ -83,7 +84,7 @@ def refuted(
     if number != 1.0:
         return bool(shares) and min(shares) > CLEARLY
     k = names.index(name)
-    return min(*shares, *(_constant(pose, windows, k, nu, scaled=s) for s in SCALED)) > HALF
+    return min(*shares, *(_constant(setup, pose, windows, (k, s)) for s in SCALED)) > HALF
 
 
 def _moves(setup: Setup, windows: Windows, k: int) -> float:
@@ -102,17 +103,18 @@ def _moves(setup: Setup, windows: Windows, k: int) -> float:
 
 
 def _constant(
-    pose: Callable[[Windows], Problem], windows: Windows, k: int, nu: int, *, scaled: bool
+    setup: Setup, pose: Callable[[Windows], Problem], windows: Windows, one: Column
 ) -> float:
-    """Share of the squared deviation that the best constant, or share, of column ``k`` leaves."""
+    """Share of the squared deviation that the best constant, or share, of a column leaves."""
 
     def left(by: float) -> Outputs:
-        return unchanged(pose(tuple(_without(window, k, nu, by, scaled) for window in windows)))
+        return left_with(setup, pose, windows, one, np.full(len(column), by))
 
+    sides = [np.concatenate([window.u, window.y], axis=1) for window in windows]
+    column = np.concatenate(sides)[:, one[0]]
     here, shift = left(0.0), 0.0
     size, first = rms(here), here
-    column = np.concatenate([np.concatenate([one.u, one.y], axis=1)[:, k] for one in windows])
-    step = STEP if scaled else STEP * max(float(np.nanmax(np.abs(column))), 1e-300)
+    step = STEP if one[1] else STEP * max(float(np.nanmax(np.abs(column))), 1e-300)
     for _ in range(ROUNDS):
         slope, off = (left(shift + step) - here) / step / size, here / size
         known = np.isfinite(slope) & np.isfinite(off)
@@ -130,11 +132,3 @@ def _share(before: Outputs, left: Outputs) -> float:
     shares = np.nansum(np.square(left / size), axis=0) / np.nansum(np.square(before / size), axis=0)
     known = (moved > 0.0) & np.isfinite(shares)
     return float(np.average(shares[known], weights=moved[known])) if known.any() else 1.0
-
-
-def _without(window: Block, k: int, nu: int, by: float, scaled: bool) -> Block:
-    """Rows without a constant, or a share, of a column."""
-    u, y = window.u.copy(), window.y.copy()
-    side, column = (u, k) if k < nu else (y, k - nu)
-    side[:, column] = side[:, column] / (1.0 + by) if scaled else side[:, column] - by
-    return window._replace(u=u, y=y)

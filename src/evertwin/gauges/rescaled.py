@@ -14,6 +14,7 @@ from functools import partial
 import numpy as np
 
 from evertwin.errors import TooFew
+from evertwin.fold import Windows
 from evertwin.gauges.kinematic import contradicted
 from evertwin.gauges.sensor_change import LEAST, SensorChange, since_change, unmeasured
 from evertwin.models import Model
@@ -21,9 +22,8 @@ from evertwin.models.batch import mapped
 from evertwin.rows.channels import measured
 from evertwin.setup.evaluation import predict
 from evertwin.setup.setup import Setup
-from evertwin.setup.task import Windows
 from evertwin.signals.mistaken import SIGN, numbers
-from evertwin.tuning.assemble import rms
+from evertwin.signals.sizes import rms
 from evertwin.types import Inputs, Outputs, ParameterVector, Vector
 
 LEFT = 0.01

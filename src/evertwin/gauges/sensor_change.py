@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evertwin.tuning.assemble import rms
+from evertwin.signals.sizes import rms
 from evertwin.types import Outputs
 
 LEAST = 16

@@ -14,8 +14,8 @@ from itertools import pairwise
 import numpy as np
 
 from evertwin.errors import TooFew
-from evertwin.gauges.gauge_rows import Rows, unchanged
-from evertwin.gauges.input_shift import without
+from evertwin.gauges.gauge_rows import Rows
+from evertwin.gauges.off_by import left_with
 from evertwin.gauges.sensor_change import SensorChange, unmeasured
 from evertwin.models.kernel import CONTINUE
 from evertwin.rows.ring import called
@@ -176,8 +176,7 @@ def _needed(
         part[a:b] = np.minimum(np.arange(b - a) // wide, PARTS - 1)
 
     def with_more(by: Vector) -> Outputs:
-        posed = rows.pose(without(rows, k, -by))
-        return unchanged(posed)
+        return left_with(rows.setup, rows.pose, rows.windows, (k, False), -by)
 
     slopes = [with_more(np.where(part == m, usual, 0.0)) - rows.before for m in range(PARTS)]
     columns = np.nan_to_num(np.stack(slopes, axis=2) / rows.sizes[:, None])  # (n, ny, parts)

@@ -20,13 +20,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evertwin.fold import Block, take
+from evertwin.fold import Block, Windows, take
 from evertwin.gauges.misread import ROWS, Reading, newest_rows, seen, total
 from evertwin.gauges.sensor_change import SensorChange, unmeasured
 from evertwin.models import Model
 from evertwin.rows.channels import unit_recorded
 from evertwin.setup.setup import Setup
-from evertwin.setup.task import Windows
 from evertwin.signals.mistaken import SIGN
 from evertwin.signals.units import conversion_of
 from evertwin.types import Bools, Float64, ParameterVector, Vector

@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from evertwin.errors import TooFew
+from evertwin.fold import Windows
 from evertwin.gauges import in_words
 from evertwin.gauges.exchanged import exchanged
 from evertwin.gauges.rescaled import rescaled
@@ -20,7 +21,6 @@ from evertwin.models import Model
 from evertwin.rows.channels import size_recorded, unit_recorded
 from evertwin.setup.evaluation import predict
 from evertwin.setup.setup import Setup
-from evertwin.setup.task import Windows
 from evertwin.signals import Channel
 from evertwin.signals.mistaken import SIGN, numbers
 from evertwin.types import Inputs, Outputs, ParameterVector, Vector

@@ -20,7 +20,7 @@ from evertwin.fold import Block, Event, Mark
 from evertwin.models import Model, kernel_of
 from evertwin.models.kernel import Restart
 from evertwin.models.rollout import roll
-from evertwin.rows.ring import Rows
+from evertwin.rows.ring import Rows, kept
 from evertwin.setup.setup import Setup
 from evertwin.setup.twin_state import TwinState
 from evertwin.signals import wrap
@@ -102,7 +102,7 @@ def remembered(rows: Rows, told: Told, on: int) -> None:
         marks.append((on, rows.end, Mark.EXTERNAL))
     nu = rows.u.shape[1]
     for first, stop, mark in marks:
-        places = np.arange(max(first, rows.end - len(rows.t), 0), stop) % len(rows.t)
+        places = kept(rows, first, stop)
         old = rows.mark[places, nu:]
         counts = _measured(old) if mark == Mark.EXTERNAL else old == Mark.EXTERNAL
         rows.mark[places, nu:] = np.where(counts, np.uint8(mark), old)
@@ -110,7 +110,7 @@ def remembered(rows: Rows, told: Told, on: int) -> None:
 
 def kept_out(rows: Rows, first: int) -> bool:
     """Is a kept row since ``first`` taken for one of something outside?"""
-    places = np.arange(max(first, rows.end - len(rows.t), rows.first), rows.end) % len(rows.t)
+    places = kept(rows, first)
     return bool((rows.mark[places] == Mark.EXTERNAL).any())
 
 
@@ -142,9 +142,8 @@ def _outside(event: Event, ring: Rows, rows: Block) -> bool:
     """Was something outside at work on most of the rows that an event is of?"""
     found: Any = event.evidence
     first, last, nu = found["onset"], found["end"], rows.u.shape[1]
-    before = np.arange(max(first, ring.end - len(ring.t), ring.first), min(last + 1, rows.row))
     marks = np.concatenate([
-        ring.mark[before % len(ring.t), nu:],
+        ring.mark[kept(ring, first, min(last + 1, rows.row)), nu:],
         rows.mark[max(first - rows.row, 0) : max(last + 1 - rows.row, 0), nu:],
     ])  # fmt: skip
     return 2 * int((marks == Mark.EXTERNAL).any(axis=1).sum()) > len(marks)
@@ -165,14 +164,14 @@ def recurring(
         return state, None, False  # a machine that stands has no worn place
     if setup.recurrence.inside(state.recurrence, at[None]).any():
         return state, None, True
-    kept = np.arange(first, rows.end) % len(rows.t)
-    u = rows.u[kept]
+    places = kept(rows, first)
+    u = rows.u[places]
     moving, stage = u[setup.moving(u).any(axis=1)], setup.recurrence
     recurrence, place = stage.found(stage.met(state.recurrence, at), moving, stage.noise(u))
     if place is not None:
-        mark, there = rows.mark[kept], setup.recurrence.inside(recurrence, u)
+        mark, there = rows.mark[places], setup.recurrence.inside(recurrence, u)
         own = there[:, None] & (mark == Mark.EXTERNAL)
-        rows.mark[kept] = np.where(own, np.uint8(Mark.OK), mark)
+        rows.mark[places] = np.where(own, np.uint8(Mark.OK), mark)
     return state._replace(recurrence=recurrence), place, False
 
 

@@ -12,7 +12,7 @@ from evertwin.anomaly import KinematicsState
 from evertwin.fold import Block, Mark
 from evertwin.loop.decision import Decision
 from evertwin.loop.disturbances import forget
-from evertwin.rows.ring import Rows
+from evertwin.rows.ring import Rows, kept
 from evertwin.setup.setup import Setup
 from evertwin.types import Inputs
 
@@ -49,7 +49,7 @@ def told(decision: Decision, setup: Setup) -> bool:
 
 def _remembered(rows: Rows, first: int) -> None:
     """Marks the kept rows from ``first`` on. Writes into ``rows``."""
-    places = np.arange(max(first, rows.end - len(rows.t), 0), rows.end) % len(rows.t)
+    places = kept(rows, first)
     marks = rows.mark[places, rows.u.shape[1] :]
     _contest(marks, np.ones(len(places), dtype=np.bool_))
     rows.mark[places, rows.u.shape[1] :] = marks

@@ -11,7 +11,7 @@ from evertwin.gauges.sensor_change import unmeasured
 from evertwin.ledger.caveats import SAME, SENSOR, caveats_of, in_doubt_of
 from evertwin.loop.decision import Decision
 from evertwin.loop.follow import EMPTY, Follow
-from evertwin.rows.ring import Rows, called
+from evertwin.rows.ring import Rows, called, kept
 from evertwin.setup.setup import Setup
 from evertwin.setup.twin_state import PROBATION, TRIAL, WATCH, TwinState
 from evertwin.trial.gate import GateState
@@ -120,8 +120,7 @@ def clears(decision: Decision, why: str) -> None:
 
 def driven(setup: Setup, rows: Rows) -> bool:
     """Do inputs vary on the newest rows as they usually do? At rest a fault does not show."""
-    kept = np.arange(max(rows.first, rows.end - len(rows.t)), rows.end) % len(rows.t)
-    u = rows.u[kept]
+    u = rows.u[kept(rows, rows.first)]
     with unmeasured():
         usual, now = np.nanstd(u, axis=0), np.nanstd(u[-setup.enough :], axis=0)
     return bool((now >= VARIES * usual)[usual > 0.0].any())

@@ -20,7 +20,7 @@ from evertwin.loop.disturbances import forget
 from evertwin.models.batch import mapped
 from evertwin.rows.alignment import reach
 from evertwin.rows.channels import measured
-from evertwin.rows.ring import Rows, called
+from evertwin.rows.ring import Rows, called, kept
 from evertwin.setup.setup import Setup
 from evertwin.signals import wrap
 from evertwin.types import Bools, Inputs, Outputs, Vector
@@ -110,11 +110,6 @@ def _ask(
     decision.say("abnormal", name, said, {"number": 0.0, "since": state.row - count - 1})
 
 
-def _kept(rows: Rows) -> np.ndarray:
-    """Places of the kept rows, in order."""
-    return np.arange(max(rows.first, rows.end - len(rows.t)), rows.end) % len(rows.t)
-
-
 def _stands(setup: Setup, rows: Rows, columns: tuple[int, ...]) -> int:
     """Newest rows in which nothing moves that is judged by a channel, where these are far more than
     ever before; else 0."""
@@ -124,10 +119,10 @@ def _stands(setup: Setup, rows: Rows, columns: tuple[int, ...]) -> int:
     newest = rows.u[(rows.end - 1) % len(rows.t)][None]
     if setup.moving(newest)[:, judged].any():
         return 0
-    moves = np.flatnonzero(setup.moving(rows.u[_kept(rows)])[:, judged].any(axis=1))
+    moves = np.flatnonzero(setup.moving(rows.u[kept(rows, rows.first)])[:, judged].any(axis=1))
     if not len(moves):
         return 0
-    count = len(_kept(rows)) - 1 - int(moves[-1])
+    count = len(kept(rows, rows.first)) - 1 - int(moves[-1])
     return count if count > LONGER * np.diff(moves, prepend=-1).max() else 0
 
 
@@ -145,15 +140,15 @@ def _driven(
             the machine moves.
         predict: outputs of inputs ``u`` at intervals ``dt``.
     """
-    (columns, count, least), kept = asked, _kept(rows)
-    now, u, y = np.arange(len(kept)) >= len(kept) - count, rows.u[kept], rows.y[kept]
+    (columns, count, least), places = asked, kept(rows, rows.first)
+    now, u, y = np.arange(len(places)) >= len(places) - count, rows.u[places], rows.y[places]
     moving, by, found = setup.moving(u), setup.judged_by[0], list[str]()
     if not _only_scatters(u[now, columns[0]]) or _as_slow(setup, u[now], columns):
         return []
     at_rest = u.copy()
     if least == MUCH:  # friction at rest is not what the sign of a speed says that scatters
         at_rest[:, by] = np.where(moving, u[:, by], 0.0)
-    off = y - predict(u=at_rest, dt=rows.dt[kept])
+    off = y - predict(u=at_rest, dt=rows.dt[places])
     same = (u[1:, columns] == u[:-1, columns]).all(axis=1)
     stood = ~now & np.concatenate([[False], same])
     for k, name in enumerate(setup.model.outputs.names):

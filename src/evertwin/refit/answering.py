@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from evertwin.fold import Windows
 from evertwin.gauges.sensor_change import SensorChange
 from evertwin.ledger.caveats import in_doubt_of
 from evertwin.rows.ring import called
-from evertwin.setup.task import Windows
 from evertwin.tuning import Fit, Problem
 from evertwin.tuning.recordings import beginning
 

@@ -9,13 +9,13 @@ moves beyond its interval is weak, and it is said what it would be.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
 
 from evertwin.signals.spoken import number
 from evertwin.tuning import Fit, Problem
+from evertwin.tuning.fit import Amend
 
 Together: TypeAlias = Callable[[tuple[str, ...]], Fit]
 
@@ -29,25 +29,23 @@ def beside(problem: Problem, fit: Fit, left_out: Sequence[str], tune: Together) 
         left_out: numbers that stayed as they were.
         tune: fits the numbers that are named, from the same start.
     """
-    if not left_out:
-        return fit
-    interval95, verdict, reasons = fit.interval95.copy(), [*fit.verdict], [*fit.reasons]
+    whole = fit
     for other in left_out:
         more = tune((*problem.names, other))
         if not more.converged:
             continue
+        found = dict[int, Amend]()
         for k, name in enumerate(fit.names):
             if fit.verdict[k] == "not" or name not in more.names:
                 continue
             value, (low, high) = _with(more, name, float(fit.start[k]))
-            interval95[k] = min(interval95[k, 0], low), max(interval95[k, 1], high)
-            if fit.interval95[k, 0] <= value <= fit.interval95[k, 1]:
-                continue
-            verdict[k] = "weak"
-            unit = "" if fit.units[k] == "1" else fit.units[k]
+            (least, most), unit = whole.interval(name), "" if fit.units[k] == "1" else fit.units[k]
             said = f"{number(value, unit, 3)} (± {(high - low) / 2:.2g}) if {other} changed too"
-            reasons[k] = "; ".join(filter(None, (reasons[k], said)))
-    return replace(fit, interval95=interval95, verdict=tuple(verdict), reasons=tuple(reasons))
+            within = fit.interval95[k, 0] <= value <= fit.interval95[k, 1]
+            word, why = ("", ()) if within else ("weak", (said,))
+            found[k] = Amend((min(least, low), max(most, high)), word, why)
+        whole = whole.amended(found)
+    return whole
 
 
 def _with(more: Fit, name: str, start: float) -> tuple[float, tuple[float, float]]:

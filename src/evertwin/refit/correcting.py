@@ -24,7 +24,7 @@ from evertwin.correction.sarsa_settings import SarsaSettings
 from evertwin.correction.sarsa_settings import propose as propose_actions
 from evertwin.correction.sarsa_table import Table
 from evertwin.correction.stack import stack_of
-from evertwin.fold import Block
+from evertwin.fold import Windows
 from evertwin.ledger.versions import Versions
 from evertwin.models import Model
 from evertwin.models.form import Form, Term, Version
@@ -33,7 +33,6 @@ from evertwin.refit.recall import recalled
 from evertwin.setup.setup import Setup
 from evertwin.types import Vector
 
-Windows = tuple[Block, ...]
 CLEARLY = 0.05
 """Part of the deviation by which a proposal from other numbers has to be the better one."""
 SHOWN = ("channel", "levels", "values", "visits", "learned")

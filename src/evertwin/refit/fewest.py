@@ -20,10 +20,11 @@ from evertwin.refit.companions import beside
 from evertwin.refit.physical import PASSIVE
 from evertwin.setup.evaluation import falls_short
 from evertwin.setup.setup import Setup
+from evertwin.signals.sizes import mean_square, rms
 from evertwin.signals.units import compatible
 from evertwin.tuning import Fit, Problem
 from evertwin.tuning.recordings import beginning
-from evertwin.types import Outputs, PerOutput, Vector
+from evertwin.types import Vector
 
 Tune: TypeAlias = Callable[[Problem], tuple[Problem, Fit, dict[str, Any]]]
 MANY = 4
@@ -51,7 +52,7 @@ def fewest(setup: Setup, problem: Problem, fit: Fit, tune: Tune) -> tuple[Proble
     if not (1 < len(names) <= MANY and fit.converged):
         return problem, fit
     used, start = problem.rows.used, residual(problem, problem.start)
-    size = np.sqrt(_mean_square(start))
+    size = rms(start, 0.0)
     size = np.where(size > 0.0, size, 1.0)
 
     def off(one: Problem, values: Vector) -> float:
@@ -106,19 +107,13 @@ def _of_what_changed(setup: Setup, problem: Problem, fit: Fit, tune: Tune) -> tu
     start = np.where(problem.rows.used, residual(problem, problem.start), np.nan)
     slack = max(setup.enough / len(start), 1.0)  # few rows tell less of how far off an output is
     limit = slack * np.square(setup.requirement * setup.sizes(problem.rows.y))
-    changed = _mean_square(start) > limit
+    changed = mean_square(start, 0.0) > limit
     acts = np.asarray(problem.sensitivity(fit.values).acts[changed].any(axis=0))
     if not acts.any() or acts.all():
         return problem, fit
     kept = tuple(name for name, on in zip(problem.names, acts, strict=True) if on)
     posed, found, _ = tune(problem.tuning(kept))
     return (posed, found) if found.converged else (problem, fit)
-
-
-def _mean_square(off: Outputs) -> PerOutput:
-    """Of the rows that count of each output; 0: none does."""
-    count = np.isfinite(off).sum(axis=0)
-    return np.asarray(np.nansum(np.square(off), axis=0) / np.maximum(count, 1))
 
 
 def _moved(problem: Problem, fit: Fit, name: str) -> float:

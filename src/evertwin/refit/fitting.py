@@ -16,7 +16,7 @@ import numpy as np
 
 from evertwin.anomaly.verdict import branch
 from evertwin.engine import Engine
-from evertwin.fold import Block, Mark
+from evertwin.fold import Block, Mark, Windows
 from evertwin.gauges.read_otherwise import read_otherwise
 from evertwin.gauges.turned import Numbered
 from evertwin.ledger.versions import Versions
@@ -41,7 +41,6 @@ from evertwin.setup.evaluation import (
 )
 from evertwin.setup.friction_law import Chosen, acting, climb_laws, inside, joined
 from evertwin.setup.setup import Setup
-from evertwin.setup.task import Windows
 from evertwin.setup.windows import starts, windows_of
 from evertwin.sources.merging import Excerpt
 from evertwin.tuning import (

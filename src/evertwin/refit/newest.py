@@ -9,14 +9,14 @@ chance; of a machine that changes the oldest quarter is told better by the next 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
 from evertwin.errors import DataError, ModelError
-from evertwin.fold import take
+from evertwin.fold import Windows, take
 from evertwin.gauges.change import split
-from evertwin.setup.task import Windows
+from evertwin.refit.fewest import Tune
 from evertwin.tuning import Fit, Problem
 from evertwin.tuning.recordings import beginning
 from evertwin.types import Bools, Vector
@@ -26,7 +26,6 @@ CLEARLY = 0.3
 ENOUGH = 30
 """Rows a parameter that a fit needs."""
 Pose: TypeAlias = Callable[[Windows], Problem]
-Tune: TypeAlias = Callable[[Problem], tuple[Problem, Fit, dict[str, Any]]]
 
 
 def newest(problem: Problem, fit: Fit, pose: Pose, tune: Tune) -> tuple[Problem, Fit]:

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from evertwin.models import Model, Parameters
 from evertwin.setup.friction_law import Laddered
 from evertwin.signals.units import compatible
 from evertwin.tuning import Fit, Problem
+from evertwin.tuning.fit import Amend
 from evertwin.types import ParameterVector
 
 PASSIVE = ("kg", "kg*m^2", "N*s/m", "N*m*s", "J/K", "W/K", "ohm", "s")
@@ -36,10 +37,10 @@ PRODUCTS = ("Ixy", "Ixz", "Iyz")
 HOLDS = 3
 """Times that bodies are held, each with what they leave to others."""
 
-Tune: TypeAlias = Callable[[Problem], tuple[Fit, dict[str, Any]]]
 
-
-def physically(problem: Problem, tune: Tune) -> tuple[Fit, dict[str, Any]]:
+def physically(
+    problem: Problem, tune: Callable[[Problem], tuple[Fit, dict[str, Any]]]
+) -> tuple[Fit, dict[str, Any]]:
     """A fit, repeated with bounds where its friction would give power out."""
     free, more = tune(problem)
     highest = dict(zip(problem.names, problem.bounds[1].tolist(), strict=True))
@@ -164,16 +165,10 @@ def _lost(free: Fit, held: Fit) -> float:
 
 def _told(fit: Fit, held: dict[str, str], alike: Collection[str]) -> Fit:
     """What was held is weak, whatever its interval; ``alike``: whose bound does not matter."""
-    words, reasons = list(fit.verdict), list(fit.reasons)
     on = [name for name in fit.names if name in held and fit[name] == 0.0]
-    for name in on:
-        k = fit.names.index(name)
-        words[k] = "not" if words[k] == "not" else "weak"
-        why = f"held at 0: below it {held[name]}"
-        reasons[k] = "; ".join(filter(None, (reasons[k], why)))
+    said = {fit.names.index(name): f"held at 0: below it {held[name]}" for name in on}
+    weak = {k: "" if fit.verdict[k] == "not" else "weak" for k in said}
+    fit = fit.amended({k: Amend(None, weak[k], (why,)) for k, why in said.items()})
     bound = tuple(name for name in fit.at_bound if not (name in alike and name in on))
-    said = f"; {', '.join(on)} held at 0, where friction does not push" if on else ""
-    return replace(
-        fit, verdict=tuple(words), reasons=tuple(reasons), at_bound=bound,
-        message=fit.message + said,
-    )  # fmt: skip
+    more = f"; {', '.join(on)} held at 0, where friction does not push" if on else ""
+    return replace(fit, at_bound=bound, message=fit.message + more)

@@ -11,13 +11,12 @@ from itertools import pairwise
 import numpy as np
 
 from evertwin.correction.sarsa_settings import SarsaSettings
-from evertwin.fold import Block, take
+from evertwin.fold import Block, Windows, take
 from evertwin.gauges.change import split
 from evertwin.sync.horizon import nanoseconds
 
 PREDICTIONS = 20
 """Length of the rows of a level that are enough, in horizons."""
-Windows = tuple[Block, ...]
 
 
 def recalled(windows: Windows, newest: int, column: int, settings: SarsaSettings) -> Windows:

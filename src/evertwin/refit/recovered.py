@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from evertwin.fold import Windows
 from evertwin.gauges.change import split
 from evertwin.gauges.gauge_rows import unchanged
 from evertwin.gauges.sensor_change import unmeasured
@@ -22,7 +23,7 @@ from evertwin.refit.answering import event
 from evertwin.refit.tuner import ENOUGH
 from evertwin.rows.ring import called
 from evertwin.setup.evaluation import scale_of, sizes
-from evertwin.setup.task import Task, Windows
+from evertwin.setup.task import Task
 from evertwin.trial import Recovery
 from evertwin.tuning import Problem
 

@@ -7,17 +7,14 @@ pay on held-out parts of the rows; then all of them. Only what they do not reach
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, TypeAlias
-
 import numpy as np
 
+from evertwin.refit.fewest import Tune
 from evertwin.setup.evaluation import falls_short
 from evertwin.setup.friction_law import Chosen, climb_laws, nested, unseen
 from evertwin.setup.setup import Setup
-from evertwin.tuning import Fit, Problem
+from evertwin.tuning import Problem
 
-Tune: TypeAlias = Callable[[Problem], tuple[Problem, Fit, dict[str, Any]]]
 PAYS = 0.02
 """Least relative fall of the held-out error that counts, as for a rung of the ladder."""
 

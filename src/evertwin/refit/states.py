@@ -16,7 +16,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from evertwin.anomaly.verdict import Rule
-from evertwin.fold import Block, Mark
+from evertwin.fold import Mark, Windows
 from evertwin.gauges.change import split
 from evertwin.models.form import Version
 from evertwin.refit.while_there import while_there
@@ -35,7 +35,6 @@ BRIEF, SEGMENTS = 3.0, 3
 """Unseen time [s] and segments at least that a state is tried on: it was expected to come."""
 PATIENCE = 3
 """Such times after which a state that does not hold is dropped."""
-Windows = tuple[Block, ...]
 Pose = Callable[[tuple[str, ...], Windows], Problem]
 """The problem of tuning these numbers on these rows, from the version as it is."""
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from evertwin.anomaly.verdict import Verdict
 from evertwin.errors import DataError, ModelError, TooFew
+from evertwin.fold import Windows
 from evertwin.gauges.change import changed, split
 from evertwin.gauges.gauge_rows import Rows
 from evertwin.gauges.settled import settled
@@ -24,9 +25,9 @@ from evertwin.refit.newest import after
 from evertwin.refit.physical import physically
 from evertwin.setup.evaluation import left
 from evertwin.setup.setup import Setup
-from evertwin.setup.task import Task, Windows
+from evertwin.setup.task import Task
+from evertwin.signals.sizes import rms
 from evertwin.tuning import Fit, Iteration, Problem, Schedule, Settings, own_names
-from evertwin.tuning.assemble import rms
 from evertwin.tuning.curvature import unbent
 from evertwin.tuning.hidden_starts import kept_near, own_starts
 from evertwin.tuning.minima import lowest

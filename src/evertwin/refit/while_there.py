@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evertwin.fold import Block, Mark
+from evertwin.fold import Block, Mark, Windows
 from evertwin.tuning import Fit, Problem, solve
 from evertwin.types import Bools, Float64, Vector
 
@@ -20,7 +20,6 @@ SOME = 0.1
 """Part of the pieces that is with it at least, and without it."""
 ROUNDS = 8
 """Times that the pieces are told anew by the numbers of those before."""
-Windows = tuple[Block, ...]
 Off = Callable[[Problem, Vector], Float64[np.ndarray, " n"]]
 """How far each row is off by these numbers, (n,)."""
 

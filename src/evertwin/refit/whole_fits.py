@@ -27,8 +27,8 @@ from evertwin.models.terms.rows import Rows
 from evertwin.refit.formed import Formed
 from evertwin.refit.work import Work
 from evertwin.setup.setup import Setup
+from evertwin.signals.sizes import rms
 from evertwin.tuning import Problem
-from evertwin.tuning.assemble import rms
 from evertwin.tuning.minima import lowest
 from evertwin.tuning.nonlinear import least_squares
 from evertwin.tuning.recordings import beginning

@@ -19,7 +19,7 @@ import numpy as np
 from evertwin.anomaly.verdict import Verdict, explained
 from evertwin.config.spec import TwinSpec
 from evertwin.errors import DataError, ModelError, TooFew, UsageError
-from evertwin.fold import plain
+from evertwin.fold import Windows, plain
 from evertwin.gauges.change import suddenly
 from evertwin.gauges.gauge import at_once
 from evertwin.gauges.misread import misread
@@ -58,7 +58,7 @@ from evertwin.refit.workers import setup_of
 from evertwin.setup.evaluation import left, scale_of, sizes
 from evertwin.setup.false_start import rightly_begun
 from evertwin.setup.friction_law import acting
-from evertwin.setup.task import Task, Windows
+from evertwin.setup.task import Task
 from evertwin.trial import admit
 from evertwin.tuning import Fit, Problem
 from evertwin.tuning.before import later
@@ -202,8 +202,8 @@ class Work(Tuner):
         """Tunes, and judges what the residual of the tuned model still says."""
         version, windows, commissioned = task.version, task.windows, task.commissioned
         if not (names := self.turn(task)):  # a turn that is nobody's has passed, too
-            more = {} if task.scheduled else {"next": self._next()}
-            return {"events": [], "tuned": True} | more
+            passed = {"events": [], "tuned": True}
+            return passed if task.scheduled else passed | {"next": self._next()}
         version = self.begun(version, windows) if task.held else version
         task = task._replace(version=version)
         if was := recovered(self, task):

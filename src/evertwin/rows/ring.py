@@ -96,11 +96,10 @@ class Ring:
 
     def _forget(self, rows: Rows, block: Block, skipped: int) -> None:
         """Rows that make room, and those of the block that never come, count in the range seen."""
-        first = max(rows.first, rows.end - self.capacity)
         last = block.row + len(block.t) - self.capacity
-        if last <= first:
+        if last <= max(rows.first, rows.end - self.capacity):
             return
-        places = np.arange(first, min(last, rows.end)) % self.capacity
+        places = kept(rows, rows.first, min(last, rows.end))
         u = np.concatenate([rows.u[places], block.u[:skipped]])
         mark = np.concatenate([rows.mark[places], block.mark[:skipped]])[:, : self.nu]
         u = np.where(mark < Mark.CONTESTED, u, np.nan)
@@ -114,22 +113,19 @@ class Ring:
         size = len(rows.t)
         if not rows.end and size == self.capacity:
             return rows
-        numbers = np.arange(max(rows.end - min(size, self.capacity), rows.first), rows.end)
-        kept = self.init()._replace(first=-len(numbers))
+        places = kept(rows, rows.end - self.capacity)
+        new = self.init()._replace(first=-len(places))
         for name in Rows._fields[1:9]:
-            getattr(kept, name)[self.capacity - len(numbers) :] = getattr(rows, name)[
-                numbers % size
-            ]
-        kept.task[:] -= kept.task[-1] + 1
-        kept.seen[:], kept.stayed[:] = rows.seen, handed_on(rows.stayed, rows.end)
-        return kept
+            getattr(new, name)[self.capacity - len(places) :] = getattr(rows, name)[places]
+        new.task[:] -= new.task[-1] + 1
+        new.seen[:], new.stayed[:] = rows.seen, handed_on(rows.stayed, rows.end)
+        return new
 
     def leave_out(self, rows: Rows, first: int, last: int) -> int:
         """Rows ``first`` to ``last`` are in no window any more; how many of them are kept. Consumes
         ``rows``."""
-        start = min(max(first, rows.end - self.capacity, rows.first), rows.end)
-        places = np.arange(start, max(min(last + 1, rows.end), start))
-        rows.out[places % self.capacity] = True
+        places = kept(rows, first, min(last + 1, rows.end))
+        rows.out[places] = True
         return len(places)
 
     def between(self, rows: Rows, start: int, stop: int) -> tuple[Block, ...]:
@@ -138,8 +134,19 @@ class Ring:
         first = max(start, rows.end - self.capacity, rows.first)
         if stop <= first:
             return ()
-        places = np.arange(first, stop) % self.capacity
+        places = kept(rows, first, stop)
         return split(Block(first, *(column[places] for column in rows[1:8])), rows.out[places])
+
+
+def kept(rows: Rows, first: int, stop: int | None = None) -> np.ndarray:
+    """Places of the rows with numbers in [first, stop) that are kept, in order; None: to the end.
+
+    >>> rows = Ring(capacity=3, nu=1, ny=1).init()._replace(end=5)
+    >>> kept(rows, 0).tolist(), kept(rows, 1, 4).tolist()
+    ([2, 0, 1], [2, 0])
+    """
+    start, stop = max(first, rows.end - len(rows.t), rows.first), rows.end if stop is None else stop
+    return np.arange(start, stop) % len(rows.t)
 
 
 def split(block: Block, out: np.ndarray) -> tuple[Block, ...]:
@@ -164,16 +171,16 @@ NO_ROWS = Ring(capacity=1, nu=0, ny=0).init()
 
 def refuse(rows: Rows, columns: Sequence[int], first: int, last: int) -> None:
     """Kept rows count no more in these ``columns`` of the marks. Writes into ``rows``."""
-    kept = np.arange(max(first, rows.end - len(rows.t), rows.first), last + 1) % len(rows.t)
+    places = kept(rows, first, last + 1)
     for column in columns:
-        mark = rows.mark[kept, column]
-        rows.mark[kept, column] = np.where(mark == Mark.ABSENT, mark, np.uint8(Mark.ERROR))
+        mark = rows.mark[places, column]
+        rows.mark[places, column] = np.where(mark == Mark.ABSENT, mark, np.uint8(Mark.ERROR))
 
 
 def reread(rows: Rows, column: int, factor: float, first: int) -> None:
     """Kept rows from ``first`` on whose input in this ``column`` was believed as it was recorded:
     it is divided by a factor, and marked so. Writes into ``rows``."""
-    kept = np.arange(max(first, rows.end - len(rows.t), rows.first), rows.end) % len(rows.t)
-    kept = kept[rows.mark[kept, column] < Mark.CONTESTED]
-    rows.u[kept, column] /= factor
-    rows.mark[kept, column] = Mark.ERROR
+    places = kept(rows, first)
+    places = places[rows.mark[places, column] < Mark.CONTESTED]
+    rows.u[places, column] /= factor
+    rows.mark[places, column] = Mark.ERROR

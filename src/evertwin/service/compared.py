@@ -21,6 +21,7 @@ from evertwin.config import TwinSpec
 from evertwin.errors import DataError, UsageError
 from evertwin.fold import Block, plain
 from evertwin.service.questions import reading
+from evertwin.signals.sizes import rms_of
 
 STRETCHES = 8
 """Parts of the rows, where all are of one task."""
@@ -74,12 +75,7 @@ def compared(spec: TwinSpec, blocks: Sequence[Block], pair: Pair) -> Mapping[str
         "units": dict(zip(names, units, strict=True)),
         "runs": [
             {"first": int(t[i]), "last": int(t[j - 1]), "rows": j - i,
-             "rms": {name: [_rms(r[i:j, o]) for r in residual] for o, name in enumerate(names)}}
+             "rms": {name: [rms_of(r[i:j, o]) for r in residual] for o, name in enumerate(names)}}
             for i, j in stretches([len(each.window.t) for each in one])
         ],
     })  # type: ignore[return-value]  # fmt: skip
-
-
-def _rms(residual: np.ndarray) -> float:
-    known = residual[np.isfinite(residual)]
-    return float(np.sqrt(np.mean(np.square(known)))) if len(known) else float("nan")

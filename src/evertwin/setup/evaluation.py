@@ -18,7 +18,7 @@ from evertwin.models.batch import Batch, mapped
 from evertwin.models.form import Size
 from evertwin.setup.deviation import usual_of
 from evertwin.setup.setup import Setup
-from evertwin.signals.sizes import size
+from evertwin.signals.sizes import rms, size
 from evertwin.signals.spoken import in_recorded
 from evertwin.sync.horizon import residuals, restarts
 from evertwin.tuning import Fit, Problem
@@ -156,11 +156,9 @@ def seen_sizes(setup: Setup, predictions: Sequence[Prediction]) -> tuple[Size, .
     return tuple(outputs)
 
 
-def at_ends(problem: Problem, values: np.ndarray) -> list[float]:
+def at_ends(problem: Problem, values: np.ndarray) -> PerOutput:
     """Rms residual per output where a prediction has reached its horizon."""
-    newest = _newest(problem.residuals(values), problem.restart)
-    rows = np.maximum(np.count_nonzero(~np.isnan(newest), axis=0), 1)
-    return [float(size) for size in np.sqrt(np.nansum(np.square(newest), axis=0) / rows)]
+    return rms(_newest(problem.residuals(values), problem.restart), 0.0)
 
 
 def _newest(residual: Outputs, plan: Restart) -> Float64[np.ndarray, "predictions ny"]:
@@ -201,9 +199,7 @@ def as_required(
             ends.append(_newest(off, restarts(window, setup.horizon, model.initial(p))))
     enough = sum(map(len, ends)) >= ENDS
     off = np.concatenate(ends if enough else found_in)
-    rows = np.count_nonzero(~np.isnan(off), axis=0)
-    rms = np.sqrt(np.nansum(np.square(off), axis=0) / np.where(rows, rows, np.nan))
-    return np.asarray(rms / setup.sizes(np.concatenate(measured)))
+    return np.asarray(rms(off) / setup.sizes(np.concatenate(measured)))
 
 
 def falls_short(setup: Setup, problem: Problem, fit: Fit, noise: PerOutput | None = None) -> str:
@@ -222,7 +218,7 @@ def off_after(setup: Setup, problem: Problem, fit: Fit) -> PerOutput:
     if setup.relative:
         return np.asarray(fit.moving_after, dtype=np.float64)
     if setup.at_horizon.wanted:
-        return np.asarray(at_ends(problem, fit.values), dtype=np.float64)
+        return at_ends(problem, fit.values)
     return np.array([one.rms_after for one in fit.residuals])
 
 
@@ -230,7 +226,8 @@ def rms_asked(setup: Setup, problem: Problem, fit: Fit) -> PerOutput:
     """Rms residual of an output that is off by just what is asked; 0: nothing is asked of it."""
     off, rms = off_after(setup, problem, fit), np.array([one.rms_after for one in fit.residuals])
     held = setup.watched & np.isfinite(setup.requirement) & (off > 0.0)
-    return np.where(held, setup.requirement, 0.0) * rms / np.where(held, off, 1.0)
+    asked = np.where(held, setup.requirement, 0.0)
+    return np.asarray(asked * rms / np.where(held, off, 1.0))
 
 
 LEAST, LITTLE = 0.05, 0.1
@@ -256,12 +253,8 @@ def scale_of(before: PerOutput, after: PerOutput) -> PerOutput:
 def sizes(setup: Setup, problem: Problem, values: Vector) -> PerOutput:
     """Rms residual per output: what counts as 1 in a loss, unless the twin file says."""
     given = setup.spec.prediction.scale
-    residual = np.where(problem.rows.used, problem.residuals(values), np.nan)
-    names = problem.model.outputs.names
-    # an output that nothing measures has no rows
-    rows = np.maximum(np.count_nonzero(~np.isnan(residual), axis=0), 1)
-    rms = np.sqrt(np.nansum(np.square(residual), axis=0) / rows)
-    found = [given.get(n, float(rms[k])) for k, n in enumerate(names)]
+    left = rms(np.where(problem.rows.used, problem.residuals(values), np.nan))
+    found = [given.get(n, float(left[k])) for k, n in enumerate(problem.model.outputs.names)]
     return np.array([size if np.isfinite(size) and size > 0 else 1.0 for size in found])
 
 
@@ -272,6 +265,4 @@ def left(
     """Rms residual per output of a version, of rows that move; NaN where nothing was measured.
     ``before``: rows before them."""
     seen = [predict(setup, model, p, window, before) for window in windows]
-    found = np.concatenate([np.where(one.moving, one.residual, np.nan) for one in seen])
-    rows = np.count_nonzero(np.isfinite(found), axis=0)
-    return np.asarray(np.sqrt(np.nansum(found**2, axis=0) / np.where(rows, rows, np.nan)))
+    return rms(np.concatenate([np.where(one.moving, one.residual, np.nan) for one in seen]))

@@ -28,7 +28,7 @@ from evertwin.signals.sizes import sizes
 from evertwin.signals.spoken import MANY, number, share, suited
 from evertwin.sync import Track
 from evertwin.sync.horizon import nanoseconds
-from evertwin.trial import Probation, Trial
+from evertwin.trial import PROBATION, Trial
 from evertwin.types import Bools, Outputs, PerOutput
 
 BACK = 10
@@ -348,9 +348,9 @@ class Setup:
         )  # fmt: skip
 
     @cached_property
-    def probation(self) -> Probation:
+    def probation(self) -> Trial:
         """What a fresh champion has to stand."""
-        return Probation(limit=self.spec.trial.probation)
+        return replace(PROBATION, limit=self.spec.trial.probation)
 
     @cached_property
     def detect(self) -> Detect:

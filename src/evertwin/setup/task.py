@@ -6,10 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evertwin.fold import Block
+from evertwin.fold import Windows
 from evertwin.models.form import Version
-
-Windows = tuple[Block, ...]
 
 
 class Doubt(NamedTuple):

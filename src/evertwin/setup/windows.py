@@ -14,11 +14,9 @@ import numpy as np
 
 from evertwin.config.spec import CutSpec
 from evertwin.errors import ConfigError, DataError
-from evertwin.fold import Block, take
+from evertwin.fold import Block, Windows, take
 from evertwin.setup.setup import Setup
 from evertwin.sync.horizon import nanoseconds
-
-Windows = tuple[Block, ...]
 
 
 def windows_of(windows: Iterable[Block], rule: CutSpec | None) -> Windows:

@@ -8,6 +8,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -18,6 +19,9 @@ TURN = 57.29577951308232
 """180/π, the only factor of an angle."""
 PURE = 3.0
 """Factor of a pure number, of which nobody knows the quantity, from which no machine changes so."""
+
+LENGTHS = ("m", "m/s", "m/s^2")
+"""SI units of what a unit of length divides."""
 
 
 class Factor(NamedTuple):
@@ -35,9 +39,15 @@ class Factor(NamedTuple):
 
 
 FACTORS = (
-    Factor(SIGN, (), "a turned sign"),
-    Factor(4.44822, ("N",), "newtons for pounds"),
+    *(Factor(10.0**n, (), "a decimal prefix") for n in (1, 2, 3, 4, 6, 9)),
+    Factor(TURN, ("rad", "rad/s", "rad/s^2"), "degrees for radians"),
+    Factor(25.4, LENGTHS, "millimetres for inches"),
+    Factor(1.0 / 0.0254, LENGTHS, "inches for metres"),
+    Factor(1.0 / 0.3048, LENGTHS, "feet for metres"),
+    Factor(30.0 / math.pi, ("rad/s",), "rpm for rad/s"),
     Factor(9.80665, ("N", "m/s^2"), "newtons for kilograms"),
+    Factor(60.0, ("m/s", "rad/s", "m^3/s", "kg/s", "1/s", "s"), "another unit of time"),
+    Factor(4.44822, ("N",), "newtons for pounds"),
     Factor(1.35582, ("Nm",), "newton metres for foot pounds"),
     Factor(8.85075, ("Nm",), "inch pounds for newton metres"),
     Factor(6.89476, ("Pa",), "kilopascals for psi"),
@@ -45,19 +55,14 @@ FACTORS = (
     Factor(7.50062, ("Pa",), "millimetres of mercury for kilopascals"),
     Factor(3.6, ("m/s", "J"), "km/h for m/s"),
     Factor(2.23694, ("m/s",), "miles an hour for m/s"),
-    Factor(60.0, ("m/s", "rad/s", "m^3/s", "kg/s", "1/s", "s"), "another unit of time"),
-    Factor(9.5493, ("rad/s",), "rpm for rad/s"),
-    Factor(TURN, ("rad", "rad/s"), "degrees for radians"),
-    Factor(25.4, ("m", "m/s"), "millimetres for inches"),
-    Factor(39.3701, ("m", "m/s"), "inches for metres"),
-    Factor(3.28084, ("m", "m/s"), "feet for metres"),
     Factor(2.20462, ("kg", "kg/s"), "pounds for kilograms"),
     Factor(16.6667, ("m^3/s",), "l/min for m^3/h"),
     Factor(4.40287, ("m^3/s",), "gallons a minute for m^3/h"),
     Factor(3.78541, ("m^3/s", "m^3"), "litres for gallons"),
-    *(Factor(10.0**n, (), "a decimal prefix") for n in (1, 2, 3)),
+    Factor(SIGN, (), "a turned sign"),
 )
-"""Every number that channels are tried with."""
+"""Every number that channels are tried with: by a fit all, in the stream those from `PURE` on. New
+ones go before the sign: a state of the stream that was kept counts by their places."""
 _SCALES = {"K": ("kelvin", 1.0, 0.0), "degC": ("degrees Celsius", 1.0, 273.15),
            "degF": ("degrees Fahrenheit", 5.0 / 9.0, 273.15 - 160.0 / 9.0)}  # fmt: skip
 """Scales of temperature: their names, what one degree is [K], their zero [K]."""
@@ -85,8 +90,8 @@ def numbers(unit: str, recorded: str = "") -> Iterator[tuple[float, str]]:
     """Numbers that divide two units of a quantity (SI ``unit``), what they stand for; the inverses.
     A pure number that is ``recorded`` in a unit, as per cent, is a share: of no other quantity.
 
-    >>> [round(number, 4) for number, told in numbers("rad")][:3]
-    [-1.0, 57.2958, 0.0175]
+    >>> [round(number, 4) for number, told in numbers("rad")][-3:]
+    [57.2958, 0.0175, -1.0]
     >>> sorted({told for number, told in numbers("1", "%")})
     ['a decimal prefix', 'a turned sign']
     """

@@ -16,6 +16,39 @@ STOOD = 40.0
 """Deviations of the noise that a range has to reach: less tells that the machine stood."""
 
 
+def mean_square(values: Outputs, empty: float = np.nan) -> PerOutput:
+    """Mean square per column over what is not NaN, (ny,); infinite of what diverged, and ``empty``
+    where nothing is known.
+
+    >>> mean_square(np.array([[3.0, np.nan], [np.nan, np.nan], [5.0, np.nan]]), empty=0.0).tolist()
+    [17.0, 0.0]
+    """
+    known = ~np.isnan(values)
+    count = known.sum(axis=0)
+    with np.errstate(over="ignore"):
+        total = np.square(np.where(known, values, 0.0)).sum(axis=0)
+    return np.asarray(np.divide(total, count, out=np.full(len(count), empty), where=count > 0))
+
+
+def rms(values: Outputs, empty: float = np.nan) -> PerOutput:
+    """Root of `mean_square`.
+
+    >>> rms(np.array([[3.0], [np.nan], [4.0]])).round(3).tolist()
+    [3.536]
+    """
+    return np.asarray(np.sqrt(mean_square(values, empty)))
+
+
+def rms_of(values: Vector, empty: float = np.nan) -> float:
+    """The same of one column, over what is finite.
+
+    >>> rms_of(np.array([3.0, np.inf, 4.0])).__round__(2), rms_of(np.zeros(0), empty=0.0)
+    (3.54, 0.0)
+    """
+    known = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(np.square(known)))) if len(known) else empty
+
+
 def sizes(y: Outputs, temperatures: Bool[np.ndarray, " ny"]) -> PerOutput:
     """Size of each column over what is known of it; NaN where nothing is, or all is 0.
 

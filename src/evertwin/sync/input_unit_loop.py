@@ -293,7 +293,10 @@ def ask(limits: Any, inputs: Any, counts: Any, u: Any, i: int, row: int) -> bool
             lately = row - counts[k, at.ASKED] <= LONGEST
             counts[k, at.LEAPT] = counts[k, at.LEAPT] if lately and leapt == 0 else leapt
             if counts[k, at.LEAPT] > 0:
-                inputs[k, at.SCORES + counts[k, at.LEAPT]] -= SURE
+                nearest = at.FACTORS[counts[k, at.LEAPT] - UNITS]
+                for c in range(at.FACTORS.shape[0] - 1):  # a rise tells no two apart so near
+                    if limits[k, 2 + c] > 0 and abs(at.FACTORS[c] / nearest - 1.0) <= ALIKE:
+                        inputs[k, at.SCORES + UNITS + c] -= SURE
         elif abs(u[i, k] - inputs[k, at.LATEST]) > ALIKE * abs(inputs[k, at.LATEST]):
             inputs[k, at.LATEST] = u[i, k]
             counts[k, at.VALUES_OF] += 1

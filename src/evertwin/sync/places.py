@@ -10,6 +10,8 @@ from enum import IntEnum
 
 import numpy as np
 
+from evertwin.signals import mistaken
+
 LOW, HIGH, RATE, TOLERANCE, ANGLE, ADOPTS, BESIDE, ABOVE, MOVED_BY, TRIED = range(10)
 """Settings per output: possible range and rate, tolerance, is it an angle, can it be adopted? The
 input that says whether it moves, −1 for none, and from which size on; are inputs its rate, or the
@@ -148,17 +150,15 @@ PHASE = 30
 """Innovations of a phase before its own variance is used."""
 MEMORY = 10_000
 """Innovations that a variance remembers."""
-TURN = 6
-"""Place of 180/π in `FACTORS`, the only factor of an angle."""
 FACTORS = np.array([
-    10.0, 100.0, 1e3, 1e4, 1e6, 1e9, 180.0 / np.pi, 25.4, 1 / 0.0254, 1 / 0.3048,
-    30.0 / np.pi, 9.80665, 60.0, -1.0,
+    one.number for one in mistaken.FACTORS if not 0.0 < one.number < mistaken.PURE
 ])  # fmt: skip
-"""Suspected factors; their inverses are tried too; the last is a turned sign."""
+"""Suspected factors, those that no machine changes by from one row to the next; their inverses are
+tried too; the last is a turned sign."""
+TURN = FACTORS.tolist().index(mistaken.TURN)
+"""Place of 180/π, the only factor of an angle."""
 RANGES = SCORES + 4 + len(FACTORS) - 1
 """Of an input: as recorded, as it was, none, unknown, and divided by each but a turned sign."""
-ALONE = slice(10, 13)
-"""Those that lie so near to another that only outputs of their quantities are asked for them."""
 
 
 class Cause(IntEnum):

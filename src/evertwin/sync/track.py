@@ -344,12 +344,9 @@ def _moved_by(inputs: Layout, outputs: Layout) -> np.ndarray:
 
 
 def _tried(outputs: Layout) -> np.ndarray:
-    """Which of `at.FACTORS` an output is suspected of, (ny, factors)."""
-    found = np.full((len(outputs), len(at.FACTORS)), at.ANY, dtype=np.float64)
-    found[:, at.ALONE] = at.NEVER
-    for row, unit in zip(found, outputs.units, strict=True):
-        row[_divides(unit) & ~_decimal()] = at.OWN
-    return found
+    """Which of `at.FACTORS` an output is suspected of, (ny, factors): those of its quantity."""
+    own = np.array([_divides(unit) for unit in outputs.units]).reshape(-1, len(at.FACTORS))
+    return np.where(_decimal(), at.ANY, np.where(own, at.OWN, at.NEVER)).astype(np.float64)
 
 
 def _decimal() -> Bools:

@@ -7,6 +7,10 @@ every segment (`evertwin.trial.betting`), and no safety measure worse. It is rej
 evidence says that it is worse, or when the limit is reached. One set of settings serves losses of
 any unit and size.
 
+Probation is the same bets on fresh segments, with the champion that was replaced as the other: if
+they say that it is better, the new one is rolled back; if they say that the new one is better, or
+nothing for the length of the probation, it stays.
+
 >>> noise = np.random.default_rng(0).normal(size=200) ** 2
 >>> trial = Trial()
 >>> state, verdict = trial.step(trial.init(), np.stack([4.0 * noise, noise], axis=1))
@@ -14,6 +18,8 @@ any unit and size.
 ('promote', 0.5)
 >>> [check.name for check in trial.checklist(state)]
 ['segments', 'time', 'gain', 'evidence', 'safety']
+>>> PROBATION.step(PROBATION.init(), np.stack([4.0 * noise, noise], axis=1))[1]
+'roll_back'
 """
 
 from __future__ import annotations
@@ -31,9 +37,7 @@ from evertwin.trial.betting import GRID, LENGTHS, Bets, evidence, open_bets, pas
 from evertwin.trial.gate_loop import OPEN, OTHER, STAYS, run, unsafe
 from evertwin.types import Float64, Int64, Vector
 
-_KINDS: dict[int, Literal["promote", "reject"] | None] = {
-    OPEN: None, OTHER: "promote", STAYS: "reject"
-}  # fmt: skip
+Verdict = Literal["promote", "reject", "roll_back", "keep"]
 OWN = 5
 """Segments that the newest of several challengers has to predict itself."""
 _LARGEST = 600.0
@@ -106,6 +110,8 @@ class Trial:
     """Chance that an equal challenger is rejected early as worse."""
     measures: int = 0
     """Safety measures per segment: counts where less is better, such as limits exceeded."""
+    words: tuple[Verdict, Verdict] = ("promote", "reject")
+    """What it is called where the other version is better, and where the live one stays."""
 
     def __post_init__(self) -> None:
         for name in ("alpha", "alpha_reject"):
@@ -138,7 +144,7 @@ class Trial:
 
     def step(
         self, state: GateState, losses: Float64[np.ndarray, "m columns"]
-    ) -> tuple[GateState, Literal["promote", "reject"] | None]:
+    ) -> tuple[GateState, Verdict | None]:
         """The state after more segments, and the verdict once there is one.
 
         Consumes ``state``. What comes after the deciding segment changes nothing.
@@ -151,8 +157,18 @@ class Trial:
         Raises:
             UsageError: another number of columns.
         """
-        pass_through(state, losses, self.rule)
-        return state, _KINDS[int(state.tally[0])]
+        columns = 2 + len(state.harm)
+        if losses.ndim != 2 or losses.shape[1] != columns:
+            raise UsageError(
+                f"trial: expected {columns} columns per segment (loss of live and other version, "
+                f"then both counts per safety measure), got shape {losses.shape}"
+            )
+        if len(losses):
+            run(losses, self.rule, LENGTHS, GRID, state.ahead, state.back, *state[2:])
+        return state, self._told(state)
+
+    def _told(self, state: GateState) -> Verdict | None:
+        return {OPEN: None, OTHER: self.words[0], STAYS: self.words[1]}[int(state.tally[0])]
 
     def passed_on(self, state: GateState) -> GateState:
         """The state for a better challenger in the place of one that has been winning.
@@ -174,21 +190,19 @@ class Trial:
         state.tally[:] = OPEN, kept
         return state._replace(ahead=passed_on(state.ahead), back=passed_on(state.back))
 
-    def verdict(
-        self, state: GateState
-    ) -> tuple[Literal["promote", "reject"] | None, dict[str, Any]]:
+    def verdict(self, state: GateState) -> tuple[Verdict | None, dict[str, Any]]:
         """The verdict (None: undecided) and the evidence as plain scalars, with a sentence."""
         found = figures(state)
-        checks = self.checklist(state)
+        if self.words == PROBATION.words:
+            return self._told(state), found | {"sentence": _stood(found)}
         said = (
             f"{_change(found)} over {found['segments']} unseen segments, "
             f"e-value {found['e_value']:.3g}"
         )
-        missed = [check.name for check in checks if not check.passed]
+        missed = [check.name for check in self.checklist(state) if not check.passed]
         if missed:
             said += f"; not reached: {', '.join(missed)}"
-        found |= {"sentence": said, "missed": tuple(missed)}
-        return _KINDS[int(state.tally[0])], found
+        return self._told(state), found | {"sentence": said, "missed": tuple(missed)}
 
     def checklist(self, state: GateState) -> tuple[Check, ...]:
         """Every line of the gate with its figure and limit, at any time."""
@@ -227,20 +241,11 @@ class Trial:
         return more, ""
 
 
-def pass_through(state: GateState, losses: Float64[np.ndarray, "m columns"], rule: Vector) -> None:
-    """Folds segments into ``state``, in place.
-
-    Raises:
-        UsageError: another number of columns than the state has measures for.
-    """
-    columns = 2 + len(state.harm)
-    if losses.ndim != 2 or losses.shape[1] != columns:
-        raise UsageError(
-            f"trial: expected {columns} columns per segment (loss of live and other version, then "
-            f"both counts per safety measure), got shape {losses.shape}"
-        )
-    if len(losses):
-        run(losses, rule, LENGTHS, GRID, state.ahead, state.back, *state[2:])
+PROBATION = Trial(
+    alpha=0.05, alpha_reject=0.05, margin=0.0, proven=0.0, segments=10, duration=0.0, limit=150,
+    words=("roll_back", "keep"),
+)  # fmt: skip
+"""What a promoted version has to stand: its losses are (live version, replaced version)."""
 
 
 def figures(state: GateState) -> dict[str, Any]:
@@ -267,3 +272,11 @@ def figures(state: GateState) -> dict[str, Any]:
 def _change(found: Mapping[str, Any]) -> str:
     gain = 100 * found["gain"]
     return f"{abs(gain):.1f} % {'less' if gain >= 0 else 'more'} deviation"
+
+
+def _stood(found: Mapping[str, Any]) -> str:
+    return (
+        f"the replaced version's deviation is {-100 * found['gain']:+.1f} % of the live one's "
+        f"over {found['segments']} segments, e-value {found['e_value']:.3g} for the replaced "
+        f"and {found['e_value_against']:.3g} for the live version"
+    )

@@ -56,20 +56,6 @@ class Outcome(NamedTuple):
     """Why a parameter was held, per parameter; empty text where it was tuned."""
 
 
-def rms(values: Outputs) -> PerOutput:
-    """Root mean square per column over what is not NaN; NaN for an empty column.
-
-    >>> rms(np.array([[3.0], [np.nan], [4.0]])).round(3).tolist()
-    [3.536]
-    """
-    known = ~np.isnan(values)
-    with np.errstate(over="ignore"):  # of a diverged simulation it is infinite
-        total = np.square(np.where(known, values, 0.0)).sum(axis=0)
-    count = known.sum(axis=0)
-    mean = np.divide(total, count, out=np.full(len(count), np.nan), where=count > 0)
-    return np.asarray(np.sqrt(mean))
-
-
 LEAST = 1e-150
 """Noise of what no row tells: its square still is a number."""
 ALIKE = 1.01

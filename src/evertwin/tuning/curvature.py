@@ -27,12 +27,10 @@ measures of nonlinearity", 1980).
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from evertwin.signals import wrap
-from evertwin.tuning.fit import Fit
+from evertwin.tuning.fit import Amend, Fit
 from evertwin.tuning.problem import Problem
 from evertwin.types import Vector
 
@@ -50,13 +48,9 @@ def unbent(problem: Problem, fit: Fit) -> Fit:
     free = np.flatnonzero([verdict != "not" for verdict in fit.verdict])
     if problem.linear or not len(free) or not fit.converged:
         return fit
-    interval95, verdict, reasons = fit.interval95.copy(), [*fit.verdict], [*fit.reasons]
     shares = _bent(problem, fit)
-    for k in free[shares[free] >= BENT].tolist():
-        interval95[k] = -np.inf, np.inf
-        verdict[k] = "weak"
-        reasons[k] = "; ".join(filter(None, (reasons[k], WHY)))
-    return replace(fit, interval95=interval95, verdict=tuple(verdict), reasons=tuple(reasons))
+    bent = Amend((-np.inf, np.inf), "weak", (WHY,))
+    return fit.amended(dict.fromkeys(free[shares[free] >= BENT].tolist(), bent))
 
 
 def _bent(problem: Problem, fit: Fit) -> Vector:

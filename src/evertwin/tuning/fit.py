@@ -19,8 +19,9 @@ from __future__ import annotations
 import html
 import math
 from collections import Counter
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -61,6 +62,21 @@ class Residual:
     def independent(self) -> bool:
         """True where no input explains it (1 %)."""
         return self.dependence is None or self.dependence.p > 0.01
+
+
+class Amend(NamedTuple):
+    """What is found of one number behind its tuning.
+
+    >>> Amend(word="weak", why=("differs among recordings",)).interval is None
+    True
+    """
+
+    interval: tuple[float, float] | None = None
+    """Its interval from now on; None: as it was."""
+    word: str = ""
+    """Its verdict from now on; empty: as it was."""
+    why: tuple[str, ...] = ()
+    """Said of it besides; what is empty is not."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,6 +141,15 @@ class Fit:
         """95 % interval of one parameter."""
         low, high = self.interval95[self.names.index(name)].tolist()
         return low, high
+
+    def amended(self, found: Mapping[int, Amend]) -> Fit:
+        """The fit with what was found of the numbers at these places. Values stay."""
+        interval95, verdict, reasons = self.interval95.copy(), [*self.verdict], [*self.reasons]
+        for k, (interval, word, why) in found.items():
+            interval95[k] = interval95[k] if interval is None else interval
+            verdict[k] = word or verdict[k]
+            reasons[k] = "; ".join(filter(None, (reasons[k], *why)))
+        return replace(self, interval95=interval95, verdict=tuple(verdict), reasons=tuple(reasons))
 
     def to_dict(self, *, timing: bool = True) -> dict[str, Json]:
         """Plain scalars for JSON, infinities as None. Without ``timing`` equal fits stay equal."""

@@ -20,6 +20,7 @@ import numpy as np
 
 from evertwin.models.kernel import ANEW
 from evertwin.signals import wrap
+from evertwin.signals.sizes import mean_square
 from evertwin.tuning.noisy_starts import white
 from evertwin.tuning.problem import Problem
 from evertwin.types import Outputs, PerOutput, Vector
@@ -46,10 +47,10 @@ def missed(problem: Problem, values: Vector) -> PerOutput:
         return np.where(np.isfinite(r).all(axis=0), 0.0, np.inf)
     r = np.where(used, r, np.nan)
     with np.errstate(over="ignore"):
-        left, simple = _mean_square(r), _simplest(problem)
-        alike = _mean_square(np.diff(r, axis=0)) < ALIKE**2 * left
+        left, simple = mean_square(r, 0.0), _simplest(problem)
+        alike = mean_square(np.diff(r, axis=0), 0.0) < ALIKE**2 * left
         astray = left > FAR**2 * simple  # alternating, too, as what runs away does
-        some = left > SOME**2 * _mean_square(np.where(used, problem.rows.y, np.nan))
+        some = left > SOME**2 * mean_square(np.where(used, problem.rows.y, np.nan), 0.0)
         if not (some & (alike | astray)).any():
             return np.zeros(len(left))
         rest = np.where(astray, left, np.maximum(left - _by_noise(problem, values, r), 0.0))
@@ -65,9 +66,9 @@ def _by_noise(problem: Problem, values: Vector, r: Outputs) -> PerOutput:
     total = np.square(noise)
     if noise.any():
         for (change,) in problem.by_starts([values], noise):
-            total = total + np.nan_to_num(
-                _mean_square(np.where(problem.rows.used, change, np.nan)), posinf=0.0
-            )
+            counts = problem.rows.used & np.isfinite(change)
+            more = mean_square(np.where(counts, change, np.nan), 0.0)
+            total = total + np.nan_to_num(more, posinf=0.0)
     return np.asarray(total)
 
 
@@ -76,7 +77,7 @@ def _simplest(problem: Problem) -> PerOutput:
     y, angles = np.where(problem.rows.used, problem.rows.y, np.nan), problem.model.outputs.angles
     count = np.maximum(np.isfinite(y).sum(axis=0), 1)
     mean = np.where(np.isfinite(y), y, 0.0).sum(axis=0) / count
-    about = _mean_square(wrap(y - mean, angles))
+    about = mean_square(wrap(y - mean, angles), 0.0)
     if not len(problem.model.states):
         return about
     adopts, rows = problem.restart.y, np.arange(len(y))[:, None]
@@ -86,11 +87,4 @@ def _simplest(problem: Problem) -> PerOutput:
     begun = np.take_along_axis(adopts, np.vstack([last[:1], last[:-1]]), axis=0)
     stays = wrap(y - begun, angles)
     known = np.isfinite(stays).any(axis=0)
-    return np.asarray(np.where(known, np.fmin(about, _mean_square(stays)), about))
-
-
-def _mean_square(values: Outputs) -> PerOutput:
-    """Per column over what is not NaN, (ny,); 0 for an empty one."""
-    known = np.isfinite(values)
-    total = np.square(np.where(known, values, 0.0)).sum(axis=0)
-    return np.asarray(total / np.maximum(known.sum(axis=0), 1))
+    return np.asarray(np.where(known, np.fmin(about, mean_square(stays, 0.0)), about))

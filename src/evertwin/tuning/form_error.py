@@ -34,7 +34,6 @@ that predicts best in the wrong form; then the reason says so, and the number is
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -42,7 +41,7 @@ import scipy
 
 from evertwin.tuning.assemble import sizes_of, student
 from evertwin.tuning.autocorrelation import Correlation, Series
-from evertwin.tuning.fit import Fit
+from evertwin.tuning.fit import Amend, Fit
 from evertwin.tuning.form_rows import Asked, Basis, Columns, Shaped, Term, Widths, scaled
 from evertwin.tuning.identifiability import grade
 from evertwin.tuning.noisy_inputs import hang
@@ -97,10 +96,7 @@ def carried(problem: Problem, fit: Fit) -> Fit:
     every = np.ones(len(fit.outputs), dtype=np.bool_)
     outputs, found, noisy = _wrong(problem, fit, acting, free, every)
     if noisy:
-        reasons = [*fit.reasons]
-        for k, why in noisy.items():
-            reasons[k] = "; ".join(filter(None, (reasons[k], why)))
-        fit = replace(fit, reasons=tuple(reasons))
+        fit = fit.amended({k: Amend(why=(why,)) for k, why in noisy.items()})
     if not any(found):
         return fit
     k = len(fit.names)
@@ -303,27 +299,22 @@ def _said(
 
 def _told(fit: Fit, said: Mapping[int, str], centre: Vector, half: Vector, sizes: Vector) -> Fit:
     """The fit with the intervals of the parameters that something is said of."""
-    interval95, verdict, reasons = fit.interval95.copy(), [*fit.verdict], [*fit.reasons]
+    found = dict[int, Amend]()
     for k, why in said.items():
         low, high = float(centre[k] - half[k]), float(centre[k] + half[k])
         value = float(fit.values[k])
-        parts = [fit.reasons[k], why]
         off = not low <= value <= high
         if off:  # both ways tell it, and neither is known to be the wrong one
-            low, high = min(low, interval95[k, 0]), max(high, interval95[k, 1])
-        interval95[k] = low, high
+            low, high = min(low, fit.interval95[k, 0]), max(high, fit.interval95[k, 1])
         (word,), (wide,) = grade([""], np.array([high - low]) / (2.0 * sizes[k]))
         if off:
-            parts.append(
+            wide = (
                 f"with that left free {centre[k]:.4g} ± {half[k]:.2g}; {value:.4g} only predicts "
                 "best in this form"
             )
         elif low <= 0.0 <= high:
-            parts.append("not told from zero")
-        else:
-            parts.append(wide)
+            wide = "not told from zero"
         far = off and abs(value - float(centre[k])) > FAR * sizes[k]
         sure = word == "identifiable" and not far and not low <= 0.0 <= high
-        verdict[k] = fit.verdict[k] if sure else "weak"
-        reasons[k] = "; ".join(filter(None, parts))
-    return replace(fit, interval95=interval95, verdict=tuple(verdict), reasons=tuple(reasons))
+        found[k] = Amend((low, high), "" if sure else "weak", (why, wide))
+    return fit.amended(found)

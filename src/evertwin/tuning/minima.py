@@ -24,7 +24,7 @@ from typing import TypeAlias
 import numpy as np
 
 from evertwin.fold import take
-from evertwin.tuning.assemble import rms
+from evertwin.signals.sizes import rms
 from evertwin.tuning.followed import missed
 from evertwin.tuning.mixed import separable
 from evertwin.tuning.nonlinear import least_squares
@@ -105,4 +105,4 @@ def _left(problem: Problem, values: Vector) -> PerOutput:
     """Rms residual per output, (ny,); infinite where a simulation runs away."""
     r, used = problem.residuals(values), problem.rows.used
     lost = (used & ~np.isfinite(r)).any(axis=0)
-    return np.where(lost, np.inf, np.nan_to_num(rms(np.where(used & np.isfinite(r), r, np.nan))))
+    return np.where(lost, np.inf, rms(np.where(used, r, np.nan), 0.0))

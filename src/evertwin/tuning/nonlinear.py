@@ -25,7 +25,8 @@ from typing import Any
 import numpy as np
 import scipy
 
-from evertwin.tuning.assemble import Outcome, noise_of, rms, squares
+from evertwin.signals.sizes import rms
+from evertwin.tuning.assemble import Outcome, noise_of, squares
 from evertwin.tuning.interrupt import Interrupt
 from evertwin.tuning.problem import Problem
 from evertwin.tuning.settings import Settings

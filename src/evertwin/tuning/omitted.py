@@ -22,11 +22,10 @@ outside the interval of the fit with the term, the number is one of this form on
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 
-from evertwin.tuning.fit import Fit
+from evertwin.tuning.fit import Amend, Fit
 from evertwin.tuning.problem import Problem
 from evertwin.types import Float64, Vector
 
@@ -41,7 +40,7 @@ def moved(problem: Problem, fit: Fit, terms: Mapping[str, tuple[str, ...]]) -> F
     if products is None:
         return fit
     half = np.diff(fit.interval95, axis=1)[:, 0] / 2.0
-    worst, reasons = np.ones(len(free)), [*fit.reasons]
+    worst, found = np.ones(len(free)), dict[int, Amend]()
     for name, added in terms.items():
         out = np.array([one in added for one in fit.names]) & free
         rest = free & ~out
@@ -53,8 +52,8 @@ def moved(problem: Problem, fit: Fit, terms: Mapping[str, tuple[str, ...]]) -> F
             if half[k] > 0 and abs(by) / half[k] > worst[k]:
                 worst[k] = abs(by) / half[k]
                 said = f"moves with the form: {fit.values[k] + by:.3g} without {name}"
-                reasons[k] = "; ".join(filter(None, (fit.reasons[k], said)))
-    return replace(fit, reasons=tuple(reasons))
+                found[k] = Amend(why=(said,))
+    return fit.amended(found)
 
 
 def shifted(products: Float64[np.ndarray, "k k"], side: Vector) -> Vector:

@@ -25,7 +25,6 @@ widens the interval: it holds for one more such recording, not for the mean of t
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -34,7 +33,7 @@ import scipy
 from evertwin.tuning.assemble import sizes_of, student
 from evertwin.tuning.autocorrelation import Correlation
 from evertwin.tuning.closed import dense
-from evertwin.tuning.fit import Fit
+from evertwin.tuning.fit import Amend, Fit
 from evertwin.tuning.identifiability import NULL, grade
 from evertwin.tuning.problem import Problem
 from evertwin.types import Bool, Float64, Vector
@@ -66,22 +65,21 @@ def repeated(problem: Problem, fit: Fit) -> Fit:
     size = _size(np.concatenate(own), np.concatenate([known[a:b] for a, b in parts]))
     told = [_step(columns[a:b] / size[:, None], left[a:b] / size) for a, b in parts]
     change, variance = (np.stack(one) for one in zip(*told, strict=True))
-    interval95, verdict, reasons = fit.interval95.copy(), [*fit.verdict], [*fit.reasons]
+    found = dict[int, Amend]()
     sizes = sizes_of(problem, acting, fit.values)
     for j, k in enumerate(np.flatnonzero(free).tolist()):
         tau, count = _beyond(change[:, j], variance[:, j])
         if not tau:
             continue
         low, high = fit.interval95[k].tolist()
-        half = np.hypot((high - low) / 2.0, student(np.array([count - 1.0]))[0] * tau)
-        interval95[k] = (low + high) / 2.0 - half, (low + high) / 2.0 + half
+        half = float(np.hypot((high - low) / 2.0, student(np.array([count - 1.0]))[0] * tau))
+        interval = (low + high) / 2.0 - half, (low + high) / 2.0 + half
         (word,), (wide,) = grade([""], np.array([half / sizes[k]]))
         if abs(low + high) / 2.0 <= half:
             word, wide = "weak", wide or "not told from zero"
         said = f"differs by ± {tau:.2g} (1 σ) among {count} {kind}"
-        reasons[k] = "; ".join(filter(None, (fit.reasons[k], said, wide)))
-        verdict[k] = fit.verdict[k] if word == "identifiable" else "weak"
-    return replace(fit, interval95=interval95, verdict=tuple(verdict), reasons=tuple(reasons))
+        found[k] = Amend(interval, "" if word == "identifiable" else "weak", (said, wide))
+    return fit.amended(found)
 
 
 def _parts(problem: Problem, parameters: int) -> tuple[list[tuple[int, int]], str]:

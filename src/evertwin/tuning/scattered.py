@@ -25,7 +25,7 @@ import numpy as np
 import scipy
 
 from evertwin.fold import take
-from evertwin.tuning.assemble import rms
+from evertwin.signals.sizes import rms
 from evertwin.tuning.nonlinear import STOPPED, Objective, search
 from evertwin.tuning.problem import Problem
 from evertwin.tuning.settings import Settings

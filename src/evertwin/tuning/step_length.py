@@ -36,7 +36,7 @@ import numpy as np
 from evertwin.models import Restart
 from evertwin.models.kernel import ANEW
 from evertwin.signals import wrap
-from evertwin.tuning.fit import Fit
+from evertwin.tuning.fit import Amend, Fit
 from evertwin.tuning.identifiability import grade
 from evertwin.tuning.omitted import shifted
 from evertwin.tuning.problem import Problem
@@ -69,17 +69,16 @@ def stepped(problem: Problem, fit: Fit) -> Fit:
 
 
 def _told(fit: Fit, places: np.ndarray, more: Vector) -> Fit:
-    interval95, verdict, reasons = fit.interval95.copy(), [*fit.verdict], [*fit.reasons]
+    found = dict[int, Amend]()
     for k, by in zip(places.tolist(), more.tolist(), strict=True):
         if not by:
             continue
-        interval95[k] += -by, by
-        half, value = float(np.diff(interval95[k])[0]) / 2.0, abs(float(fit.values[k]))
+        low, high = (fit.interval95[k] + (-by, by)).tolist()
+        half, value = (high - low) / 2.0, abs(float(fit.values[k]))
         (word,), (wide,) = grade([""], np.array([half / value if value else np.inf]))
-        verdict[k] = "weak" if word != "identifiable" else verdict[k]
         said = f"hangs on the step of the model (± {by:.2g}): take shorter ones in it"
-        reasons[k] = "; ".join(filter(None, (reasons[k], said, wide)))
-    return replace(fit, interval95=interval95, verdict=tuple(verdict), reasons=tuple(reasons))
+        found[k] = Amend((low, high), "" if word == "identifiable" else "weak", (said, wide))
+    return fit.amended(found)
 
 
 def _halved(problem: Problem, values: Vector) -> Outputs | None:

@@ -3,7 +3,7 @@
 Where a term that is not tuned is a zero, the variants of a law are subsets of one model's
 parameters. All windows but a fold are solved, the fold is scored, in turn; of a linear model the
 rows are summed once per window, and every candidate is a small system. A term stays if the
-held-out error of its own output falls by more than ``gain`` (2 %) and the others' together do not
+held-out error of its own output falls by more than `GAIN` and the others' together do not
 rise; else it is left out for good. So is one whose number resists, but is tuned to zero or
 below, or is told to be ``wrong``: it takes up another effect than the one that its term is called
 by. Terms are tried in the
@@ -58,6 +58,8 @@ Term: TypeAlias = (
 Score: TypeAlias = Float64[np.ndarray, " ny"]
 Wrong: TypeAlias = Callable[[Mapping[str, float]], Collection[str]]
 """Which of these numbers no machine has."""
+GAIN = 0.02
+"""Least relative fall of an output's held-out error that counts."""
 WORSE = 1.001
 """What the other outputs together may lose."""
 
@@ -97,21 +99,16 @@ class Ascent:
 class _Folds:
     """Sums of each fold, and of all rows but the fold."""
 
-    def __init__(self, problem: Problem, folds: int | None) -> None:
+    def __init__(self, problem: Problem) -> None:
         model = problem.model
         assert isinstance(model, LinearModel)
-        count = min(folds or len(problem.windows), len(problem.windows))
         self.problem, self.model = problem, model
         _, phi = problem.parts
         r = problem.first
         edges = np.cumsum([0, *(len(window.t) for window in problem.windows)]).tolist()
-        parts: list[list[Sums]] = [[] for _ in range(count)]
-        for i, (a, b) in enumerate(itertools.pairwise(edges)):
-            parts[i % count].append(summed(r[a:b], phi[a:b]))
-        self.folds = [_added(part) for part in parts]
-        self.rest = [
-            _added([fold for j, fold in enumerate(self.folds) if j != i]) for i in range(count)
-        ]
+        folds = [summed(r[a:b], phi[a:b]) for a, b in itertools.pairwise(edges)]
+        self.folds = folds
+        self.rest = [_added([*folds[:i], *folds[i + 1 :]]) for i in range(len(folds))]
 
     def score(self, names: tuple[str, ...]) -> Score:
         """Held-out rms residual of each output with only ``names`` tuned, (ny,)."""
@@ -139,12 +136,12 @@ class _Folds:
 class _Refits:
     """The same for outputs that are not linear in their parameters: every fold is a search."""
 
-    def __init__(self, problem: Problem, folds: int | None) -> None:
-        self.problem, self.folds = problem, folds
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
 
     def score(self, names: tuple[str, ...]) -> Score:
         """Held-out rms residual of each output with only ``names`` tuned, (ny,)."""
-        return held_out(replace(self.problem, editable=names), self.folds)
+        return held_out(replace(self.problem, editable=names))
 
     def values(self, names: tuple[str, ...]) -> Vector:
         """What all rows tune ``names`` to, (k,)."""
@@ -165,18 +162,13 @@ def _squares(sums: Sums, delta: Float64[np.ndarray, "ny m"]) -> Score:
     return np.asarray(sums.squares - 2.0 * np.einsum("ka,ka->k", sums.sides, delta) + bent)
 
 
-def climb_terms(
-    problem: Problem, terms: Sequence[Term], gain: float = 0.02, folds: int | None = None,
-    wrong: Wrong | None = None,
-) -> Ascent:  # fmt: skip
+def climb_terms(problem: Problem, terms: Sequence[Term], wrong: Wrong | None = None) -> Ascent:
     """Climbs.
 
     Args:
         problem: windows, filter and model; its tuned parameters include those of all terms, whose
             start values are zero.
         terms: in the order in which they are tried.
-        gain: least relative fall of the output's held-out error that counts.
-        folds: number of folds over the windows; default: one window each.
         wrong: asked of the numbers of a term that would pay, with all others that are tuned.
 
     Raises:
@@ -187,7 +179,7 @@ def climb_terms(
             raise UsageError(f"ladder of terms: expected {name} to start at zero: it may stay out")
     if len(problem.windows) < 2:
         raise UsageError("ladder of terms: expected at least 2 windows (tasks), got 1")
-    rows = (_Folds if problem.linear else _Refits)(problem, folds)
+    rows = (_Folds if problem.linear else _Refits)(problem)
     unknown = partial(_wrong, rows, wrong or (lambda _: ()))
     outputs = problem.model.outputs.names
     optional = {name for _, add, *_ in terms for name in add}
@@ -197,12 +189,12 @@ def climb_terms(
     for one in terms:
         output, before = one[2], here
         wider, there = _joining(rows, names, one[1])
-        pays = _pays(there, here, output, gain)
+        pays = _pays(there, here, output)
         if pays and (turned := unknown(wider, [*joined, one])):
             # what it turned round leaves with it: it has to pay without
             wider = tuple(n for n in wider if not any(n in other[1] for other in turned))
             there = rows.score(wider)
-            pays = one not in turned and _pays(there, here, output, gain)
+            pays = one not in turned and _pays(there, here, output)
             pays = pays and not unknown(wider, [*joined, one])
             joined = [other for other in joined if not (pays and other in turned)]
         if pays:
@@ -217,15 +209,15 @@ def climb_terms(
         if any(other[2] == output for other in rest):
             there = rows.score(less)
             kept = unknown(less, rest)
-            if here[output] >= (1.0 - gain) * there[output] and not kept:
+            if here[output] >= (1.0 - GAIN) * there[output] and not kept:
                 names, here, joined = less, there, rest
     taken = tuple(tuple(one[0] for one in joined if one[2] == k) for k in range(len(outputs)))
     return Ascent(names, taken, tuple(steps))
 
 
-def folded(problem: Problem, folds: int | None = None) -> Score:
+def folded(problem: Problem) -> Score:
     """Held-out rms residual of each output of a linear problem, (ny,), as the ladder counts it."""
-    return _Folds(problem, folds).score(problem.names)
+    return _Folds(problem).score(problem.names)
 
 
 def _joining(
@@ -235,8 +227,8 @@ def _joining(
     return wider, rows.score(wider)
 
 
-def _pays(there: Score, here: Score, output: int, gain: float) -> bool:
-    return bool(there[output] < (1.0 - gain) * here[output]) and _together(there, here)
+def _pays(there: Score, here: Score, output: int) -> bool:
+    return bool(there[output] < (1.0 - GAIN) * here[output]) and _together(there, here)
 
 
 def _wrong(

@@ -8,7 +8,7 @@ import numpy as np
 
 from evertwin.fold import Block
 from evertwin.models import Parameters
-from evertwin.tuning.assemble import rms
+from evertwin.signals.sizes import rms
 from evertwin.tuning.fit import Fit
 from evertwin.tuning.hidden_starts import own_starts
 from evertwin.tuning.problem import Problem
@@ -18,15 +18,12 @@ from evertwin.tuning.solver import solve
 from evertwin.types import Float64, Vector
 
 
-def held_out(
-    problem: Problem, folds: int | None = None, settings: Settings | None = None
-) -> Float64[np.ndarray, " ny"]:
+def held_out(problem: Problem, settings: Settings | None = None) -> Float64[np.ndarray, " ny"]:
     """rms residual of each output over windows that were left out of the tuning, (ny,).
 
     A fold whose tuning diverged counts as infinitely bad.
     """
-    n = len(problem.windows)
-    count = min(folds or min(n, 10), n)
+    count = min(len(problem.windows), 10)
     parts = []
     for fold in range(count):
         test = tuple(w for i, w in enumerate(problem.windows) if i % count == fold)
