@@ -11,6 +11,7 @@ from __future__ import annotations
 import ast
 import re
 import sys
+from collections import defaultdict
 from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
@@ -27,7 +28,12 @@ class Module:
     def __init__(self, name: str, tree: ast.Module) -> None:
         self.name = name
         self.defined = [node for node in tree.body if isinstance(node, Definition)]
-        self.read = {id(node): node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
+        nodes = list(ast.walk(tree))
+        self.read = defaultdict[str, set[int]](set)
+        """Names to the lines where they stand."""
+        for node in nodes:
+            if isinstance(node, ast.Name):
+                self.read[node.id].add(node.lineno)
         self.imported: list[tuple[str, str, str]] = []
         """(name here, module it is taken from, name there)."""
         self.late: set[str] = set()
@@ -35,8 +41,8 @@ class Module:
         self.attributes: set[tuple[str, str]] = set()
         self.texts: list[str] = []
         """module:name."""
-        said = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
-        for node in ast.walk(tree):
+        said = {id(node.value) for node in nodes if isinstance(node, ast.Expr)}
+        for node in nodes:
             if id(node) not in said:
                 self._note(node)
 
@@ -50,7 +56,7 @@ class Module:
         elif isinstance(node, ast.Assign) and self._imports(node.value):
             self.late |= {ast.unparse(target) for target in node.targets}
         elif isinstance(node, ast.Attribute):
-            self.attributes.add((ast.unparse(node.value), node.attr))
+            self.attributes.add((_dotted(node.value), node.attr))
         elif isinstance(node, ast.Constant) and isinstance(node.value, str):
             self.texts += re.findall(r"[\w.]+:\w+", node.value)
             imports = re.findall(r"from ([\w.]+) import (\w+)", node.value)
@@ -65,12 +71,12 @@ class Module:
     @staticmethod
     def _imports(node: ast.AST) -> bool:
         calls = (part for part in ast.walk(node) if isinstance(part, ast.Call))
-        return any(ast.unparse(call.func).endswith("import_module") for call in calls)
+        return any(_dotted(call.func).endswith("import_module") for call in calls)
 
-    def reads(self, name: str, inside: ast.AST | None = None) -> bool:
+    def reads(self, name: str, inside: Definition | None = None) -> bool:
         """Is a name read here, other than inside its own definition?"""
-        own = {id(node) for node in ast.walk(inside)} if inside else set()
-        return any(name == read and place not in own for place, read in self.read.items())
+        own = range(inside.lineno, (inside.end_lineno or 0) + 1) if inside else ()
+        return any(line not in own for line in self.read.get(name, ()))
 
     def uses(self, module: str, name: str) -> bool:
         """Does this module use what another one defines?"""
@@ -87,6 +93,14 @@ class Module:
             or (hands_on(f"{source}.{there}") and (here, name) in self.attributes)
             for here, source, there in self.imported
         ) or any(hands_on(text.split(":")[0]) and text.endswith(f":{name}") for text in self.texts)
+
+
+def _dotted(node: ast.AST) -> str:
+    """``a.b`` as it is written; empty for what is no name."""
+    if isinstance(node, ast.Attribute):
+        before = _dotted(node.value)
+        return before and f"{before}.{node.attr}"
+    return node.id if isinstance(node, ast.Name) else ""
 
 
 def modules(package: Path) -> Iterator[Module]:
