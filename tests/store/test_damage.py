@@ -19,6 +19,8 @@ from evertwin.errors import StoreDamaged, StoreError
 from evertwin.fold import Chunk, Event
 from evertwin.store import Batch, Checkpoint, Entry, Progress, SqliteStore
 from evertwin.store.pages import check_log, rows_in
+from proofs.damage import whole
+from proofs.kills import Kill, called
 
 ENTRIES = 400
 
@@ -319,3 +321,10 @@ def test_what_is_no_store_says_what_to_do(tmp_path: Path) -> None:
         with pytest.raises(StoreError, match="it stays as it is: move it away to begin anew"):
             SqliteStore(path)
         assert path.read_text() == "no store\n"
+
+
+def test_the_proof_dies_where_it_is_told_to_and_nowhere_else(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="nothing passes 'before SqliteStore.close'"):
+        called(tmp_path, (), Kill("before SqliteStore.close", 1))
+    assert whole(tmp_path / "killed", killed=True)
+    assert (tmp_path / "killed" / "robot.db-wal").stat().st_size > 0
