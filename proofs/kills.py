@@ -80,7 +80,11 @@ POINTS = (
     ("evertwin.loop.decide", "Decide._promote"),
     ("evertwin.loop.run", "Run._finished"),
 )
-HOW = {"statement", "time", *(f"{when} {name}" for _, name in POINTS for when in ("before", "after"))}
+HOW = {
+    "statement",
+    "time",
+    *(f"{when} {name}" for _, name in POINTS for when in ("before", "after")),
+}
 MOST = 12
 """Kills in a row before a command is left to end."""
 

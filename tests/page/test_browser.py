@@ -50,6 +50,10 @@ TRUST = """async () => {
   const warm = { unit: "K", shown: { unit: "degC", factor: 1, zero: 273.15, apart: "K" } };
   return [tags, quantity(Math.PI, rpm), quantity(294.25, levelOf(warm)), quantity(2, unitOf(warm))];
 }"""
+SUMMED = """async () => {
+  const { summed } = await import("/static/views/fleet.js");
+  return [[], ["good", "good"], ["good", "unjudged"], ["unjudged", "stale", "failure", "good"]].map(summed);
+}"""
 VIEWS = ("live", "improvement", "events", "signals", "life", "engineering", "faults")
 ARM = """
 [[twin]]
@@ -400,6 +404,12 @@ def test_the_ghost_of_an_arm_goes_where_the_torques_differ(shown: Shown) -> None
     assert off == [5, -30], "10 % of the usual torque; far more than is drawn"
     picture(page, "twin/arm/arm_live")
     assert "of its usual torque" in page.inner_text("#leans")
+
+
+def test_what_was_never_judged_is_not_counted_as_good(shown: Shown) -> None:
+    none, good, *others = shown.go("").evaluate(SUMMED)
+    assert (none, good) == ("No twins yet.", "All 2 good.")
+    assert others == ["1 not judged, 1 good.", "2 twins need attention, 1 not judged, 1 good."]
 
 
 def test_nothing_is_trusted_that_is_off_or_not_checked(shown: Shown) -> None:

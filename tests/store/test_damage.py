@@ -324,7 +324,7 @@ def test_what_is_no_store_says_what_to_do(tmp_path: Path) -> None:
 
 
 def test_the_proof_dies_where_it_is_told_to_and_nowhere_else(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match="nothing passes 'before SqliteStore.close'"):
+    with pytest.raises(ValueError, match=r"nothing passes 'before SqliteStore\.close'"):
         called(tmp_path, (), Kill("before SqliteStore.close", 1))
     assert whole(tmp_path / "killed", killed=True)
     assert (tmp_path / "killed" / "robot.db-wal").stat().st_size > 0

@@ -13,6 +13,11 @@ MAKING = (
     "its machine code is being made ready: the first time that takes one to two minutes for each "
     "model, later some seconds"
 )
+UNJUDGED = {
+    "not yet": "too few rows that move have come to judge it",
+    "nothing asked": "the twin file asks for no largest deviation ([anomaly] requirement)",
+}
+"""Why a twin of which nothing bad is known is not called good."""
 LONG = 5.0
 """Seconds from which on it is told how long a start took."""
 
@@ -31,7 +36,7 @@ def status_of(runner: Runner) -> dict[str, Any]:
     headline = runner.condition.in_past(about.get("headline", ""))
     return {
         "name": runner.name, "state": state, "reason": runner.reason,
-        **_how(runner, state, over), "rows": runner.row,
+        **_how(runner, state, over, about.get("judged")), "rows": runner.row,
         "champion": about.get("champion"), "pinned": about.get("pinned"),
         "versions": len(about.get("versions", ())), "waiting": runner.waiting,
         "headline": headline, "judged": about.get("judged"),
@@ -44,8 +49,9 @@ def status_of(runner: Runner) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _how(runner: Runner, state: str, over: set[str]) -> Mapping[str, Any]:
-    """Its condition, and why: also where a twin that does not run has none of its own."""
+def _how(runner: Runner, state: str, over: set[str], judged: str | None) -> Mapping[str, Any]:
+    """Its condition, and why: also where a twin that does not run has none of its own. Good is
+    only who was judged, and held."""
     how = runner.condition.told(failed=state == "quarantined", over=over)
     if state == "quarantined":
         how["why"] = runner.reason
@@ -65,4 +71,6 @@ def _how(runner: Runner, state: str, over: set[str]) -> Mapping[str, Any]:
     elif how["condition"] == "out_of_specification":
         hints = [f"{one.name}: {one.health.hint}" for one in runner.sources if one.health.hint]
         how["why"] = "; ".join((how["why"], *hints))
+    elif how["condition"] == "good" and judged in UNJUDGED:
+        how["condition"], how["why"] = "unjudged", UNJUDGED[judged]
     return how
