@@ -52,7 +52,8 @@ TRUST = """async () => {
 }"""
 SUMMED = """async () => {
   const { summed } = await import("/static/views/fleet.js");
-  return [[], ["good", "good"], ["good", "unjudged"], ["unjudged", "stale", "failure", "good"]].map(summed);
+  const known = ["good good", "good unjudged", "unjudged stale failure good"];
+  return [[], ...known.map((all) => all.split(" "))].map(summed);
 }"""
 VIEWS = ("live", "improvement", "events", "signals", "life", "engineering", "faults")
 ARM = """

@@ -36,7 +36,7 @@ class Heard(NamedTuple):
     newest: dict[str, bytes]
     """The newest message of each."""
     inflight: int | None
-    """Messages that the broker sends at most before they are acknowledged; None: 3.1.1 tells not."""
+    """Messages that the broker sends at most before they are acknowledged; None: not told (3.1)."""
 
     def like(self, wanted: Iterable[str]) -> str:
         """The topics in words, first those that are spelt most like one that was expected."""
