@@ -103,7 +103,7 @@ def one(folder: Path, entries: tuple[Entry, ...], counts: Counter[str]) -> None:
             store.verify()
         except StoreDamaged:  # in what is read again only to go on from it
             counts["mended when told to"] += 1
-            store.repair()
+            store.recover()
         counts["whole again"] += said(store.entries()) == said(entries)
         store.verify()
         assert all(isinstance(event, Event) for event in store.read("event"))

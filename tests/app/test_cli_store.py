@@ -76,7 +76,7 @@ def test_a_head_is_printed_and_verified(call: Command, ran: Path, folder: Path) 
     forged = f"{printed[:-1]}{'1' if printed[-1] == '0' else '0'}"
     wrong = call("store", "verify", "robot.toml", "--head", forged)
     assert wrong.code == 4 and "the log was rewritten" in wrong.err
-    assert "evertwin store repair" in wrong.err
+    assert "evertwin store recover" in wrong.err
     unsigned = call("store", "verify", "robot.toml", "--head", printed, "--key", "key")
     assert unsigned.code == 2 and "signature" in unsigned.err
     for key, said in (("none", "cannot be read"), ("empty", "expected a secret")):
@@ -85,14 +85,14 @@ def test_a_head_is_printed_and_verified(call: Command, ran: Path, folder: Path) 
 
 
 def test_what_never_ran_has_nothing_to_repair(call: Command, folder: Path) -> None:
-    done = call("store", "repair", "robot.toml")
+    done = call("store", "recover", "robot.toml")
     assert done.code == 2 and "no such store" in done.err
     assert not (folder / "robot.db").exists()
 
 
 def test_a_sound_store_stays(call: Command, ran: Path) -> None:
-    done = call("store", "repair", "robot.toml")
-    assert done.code == 0 and "all of them sound: nothing to repair" in done.out
+    done = call("store", "recover", "robot.toml")
+    assert done.code == 0 and "all of them sound: nothing to recover" in done.out
     assert not list(ran.parent.glob("robot.db.corrupt*"))
     missing = call("store", "export", "robot.toml", "x.csv")
     assert missing.code == 2 and "pushed to a running twin" in missing.err
@@ -109,7 +109,7 @@ def test_a_damaged_store_is_told_and_repaired(call: Command, ran: Path) -> None:
     changed(ran)
     told = call("store", "verify", "robot.toml")
     assert told.code == 4 and "entry 2 (event, row 0) does not match its hash" in told.err
-    repaired = call("store", "repair", "robot.toml", "--json").json["event"]
+    repaired = call("store", "recover", "robot.toml", "--json").json["event"]
     assert repaired["kind"] == "recovered" and repaired["evidence"]["kept"] == 1
     assert call("store", "verify", "robot.toml").code == 0
     assert call("run", "robot.toml", "--data", "robot.csv").code == 0

@@ -68,7 +68,7 @@ def check(path: Path, entries: tuple[Entry, ...]) -> SqliteStore:
         try:
             store.verify()
         except StoreDamaged:  # bytes of a state or a sample: told when they are read
-            store.repair()
+            store.recover()
     found = store.entries()
     if store.recovered is not None:
         evidence: Any = store.recovered.evidence
@@ -174,7 +174,7 @@ def test_damage_behind_what_was_looked_at_is_repaired_on_demand(tmp_path: Path) 
     database.close()
     with pytest.raises(StoreDamaged, match="entry 7"):
         store.read("event")
-    lost = store.repair()
+    lost = store.recover()
     assert lost.evidence["kept"] == 6 and store.entries()[:6] == entries[:6]
     store.commit(Batch([event(1)]))
     store.close()

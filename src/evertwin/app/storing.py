@@ -62,32 +62,32 @@ def verify_store(twin: Path, text: str | None, key: Path | None, as_json: bool) 
             count = store.verify(head)
         except StoreDamaged as error:
             raise StoreDamaged(
-                f"{error}\nevertwin store repair {twin} starts from what is sound"
+                f"{error}\nevertwin store recover {twin} starts from what is sound"
             ) from error
     against = "" if head is None else f", entry {head.length} as it was printed"
     content = {"schema": "evertwin.verify/1", "entries": count}
     show(content, f"{count} entries, all of them sound{against}", as_json)
 
 
-def repair_store(twin: Path, as_json: bool) -> None:
-    """``evertwin store repair``.
+def recover_store(twin: Path, as_json: bool) -> None:
+    """``evertwin store recover``.
 
     Raises:
         UsageError: there is no store.
     """
     path = _path(twin)
     if not path.is_file():
-        raise UsageError(f"{path}: no such store: nothing to repair")
+        raise UsageError(f"{path}: no such store: nothing to recover")
     with closing(SqliteStore(path)) as store:
         event = store.recovered
         if event is None:
             try:
                 count = store.verify(None)
             except StoreDamaged:
-                event = store.repair()
+                event = store.recover()
     if event is None:
         content = {"schema": "evertwin.verify/1", "entries": count}
-        return show(content, f"{count} entries, all of them sound: nothing to repair", as_json)
+        return show(content, f"{count} entries, all of them sound: nothing to recover", as_json)
     show({"schema": "evertwin.event/1", "event": event}, event.reason, as_json)
 
 

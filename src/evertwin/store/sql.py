@@ -251,7 +251,7 @@ class SqlStore:
             as_printed(head, found, there)
         return found.length
 
-    def repair(self) -> Event:
+    def recover(self) -> Event:
         """Nothing to start anew from: a server's damage is its administrator's.
 
         Raises:
