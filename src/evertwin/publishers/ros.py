@@ -3,8 +3,8 @@
 ``/evertwin/NAME/prediction`` is the predicted pose of a base (``nav_msgs/Odometry``) or the joints
 of an arm (``sensor_msgs/JointState``, effort as predicted); ``path``, ``measured`` and ``markers``
 show a base in RViz; ``/diagnostics`` has health, residuals and lives of every twin. Where the site
-file names the frame of the machine's odometry, ``/tf`` places it in the map. The node has no way to say
-anything else: no command, no goal, no parameter.
+file names the frame of the machine's odometry, ``/tf`` places it in the map. The node has no way to
+say anything else: no command, no goal, no parameter.
 """
 
 from __future__ import annotations
