@@ -15,7 +15,7 @@ import time
 from collections.abc import AsyncIterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal, Protocol, TypeAlias
+from typing import ClassVar, Literal, Protocol, TypeAlias
 
 import numpy as np
 
@@ -51,6 +51,9 @@ class LiveSettings(Section):
     """A silence of so long opens a new task."""
     every: Duration | None = None
     """A new task opens after so long."""
+
+    lies_here: ClassVar[bool] = False
+    """Is it read from this machine itself, so that no other one can?"""
 
 
 @dataclass(frozen=True)
