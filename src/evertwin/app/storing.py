@@ -145,7 +145,8 @@ def export_samples(
     spec = read(twin) if store_file is not None else as_kept(twin)
     low, high = (int(1e9 * min(max(edge, -4e9), 4e9)) for edge in span)
     path = store_path(twin, spec) if store_file is None else store_file
-    every = {one.name: one for one in (*spec.source, *spec.array)}
+    every: dict[str, SourceSpec | ArraySpec] = {one.name: one for one in spec.source}
+    every |= {one.name: one for one in spec.array}
     wanted = [name for name in every if source in ("", name)]
     if not wanted:
         raise UsageError(f"{path}: no source is {source!r}, there are {', '.join(every)}")
@@ -167,7 +168,7 @@ def export_samples(
             raise UsageError(f"{file.name}: cannot hold {', '.join(found)}: {one}, or write .mcap")
         lists = {}
     write(file, rows, lists)
-    counts = {name: len(one.t) for name, one in {**rows, **lists}.items()}
+    counts = {name: len(one.t) for name, one in found.items() if name in {**rows, **lists}}
     content = {"schema": "evertwin.samples/1", "file": str(file), "samples": counts}
     said = ", ".join(f"{count} of {name}" for name, count in counts.items())
     show(content, f"{file}: samples: {said}", as_json)

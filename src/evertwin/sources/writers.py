@@ -127,7 +127,7 @@ def _mcap(path: Path, series: Mapping[str, Series], lists: Mapping[str, Lists] =
         for name, one in series.items()
     }
     shapes |= {name: {one.column: array, "task": number} for name, one in lists.items()}
-    every = {**series, **lists}
+    every: dict[str, Series | Lists] = {**series, **lists}
     with path.open("wb") as file:
         writer = load("mcap.writer").Writer(file)
         writer.start(profile="", library="evertwin")
