@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 import math
 import tomllib
 from collections.abc import Awaitable, Coroutine
@@ -38,6 +39,8 @@ def look_at(path: Path, as_json: bool) -> None:
     """Each source of each twin, and the fleet; exit code 1 where one does not answer, does not fit
     its map, or cannot be where its twin may run."""
     site = read_site(path)
+    # what goes wrong is told below; without a handler Python prints a library's warnings
+    logging.getLogger("asyncua").addHandler(logging.NullHandler())
     seen, wrong = asyncio.run(_look(site))
     if site.spec.fleet.store:
         named, seen_there, wrong_there = shared(site)
