@@ -25,6 +25,7 @@ from evertwin.report.run_pictures import (
 )
 from evertwin.setup.setup import Setup
 from evertwin.signals.spoken import both
+from evertwin.trial.odds import odds
 from evertwin.types import Outputs, ParameterVector
 
 MOST = 8
@@ -121,8 +122,8 @@ def _checks(result: RunResult, setup: Setup) -> list[tuple[str, str]]:
         checks += [
             ("yes", f"Tried on {found['segments']} stretches that neither version had seen."),
             ("yes", f"{found['gain']:.0%} less deviation there; at least {rule.margin:.0%} asked."),
-            ("yes", f"Odds of {found['e_value']:.3g} to 1 that this is no chance; "
-                    f"{1 / rule.alpha:.3g} to 1 asked."),
+            ("yes", f"Odds of {odds(found['e_value'])} that this is no chance; "
+                    f"{odds(1 / rule.alpha)} asked."),
         ]  # fmt: skip
     known: Any = result.to_dict()["parameters"]
     weak = [name for name, one in known.items() if one["verdict"] in ("weak", "not")]

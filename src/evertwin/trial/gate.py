@@ -29,6 +29,7 @@ import numpy as np
 from evertwin.errors import UsageError
 from evertwin.trial.betting import GRID, LENGTHS, Bets, evidence, open_bets, passed_on
 from evertwin.trial.gate_loop import OPEN, OTHER, STAYS, run, unsafe
+from evertwin.trial.odds import ODDS, odds
 from evertwin.types import Float64, Int64, Vector
 
 _KINDS: dict[int, Literal["promote", "reject"] | None] = {
@@ -181,8 +182,8 @@ class Trial:
         found = figures(state)
         checks = self.checklist(state)
         said = (
-            f"{_change(found)} over {found['segments']} unseen segments, "
-            f"e-value {found['e_value']:.3g}"
+            f"{_change(found)} over {found['segments']} unseen segments"
+            f"{ODDS}{odds(found['e_value'])} that it is no chance"
         )
         missed = [check.name for check in checks if not check.passed]
         if missed:

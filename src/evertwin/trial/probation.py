@@ -23,6 +23,7 @@ import numpy as np
 from evertwin.errors import UsageError
 from evertwin.trial.gate import GateState, figures, new_state, pass_through
 from evertwin.trial.gate_loop import OPEN, OTHER, STAYS
+from evertwin.trial.odds import ODDS, odds
 from evertwin.types import Float64, Vector
 
 _KINDS: dict[int, Literal["keep", "roll_back"] | None] = {
@@ -86,7 +87,7 @@ class Probation:
         found = figures(state)
         found["sentence"] = (
             f"the replaced version's deviation is {-100 * found['gain']:+.1f} % of the live one's "
-            f"over {found['segments']} segments, e-value {found['e_value']:.3g} for the replaced "
-            f"and {found['e_value_against']:.3g} for the live version"
+            f"over {found['segments']} segments{ODDS}{odds(found['e_value'])} for the replaced "
+            f"and {odds(found['e_value_against'])} for the live version"
         )
         return _KINDS[int(state.tally[0])], found
