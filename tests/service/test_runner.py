@@ -187,6 +187,24 @@ def test_prometheus_hears_of_conditions_and_alarms(
         assert sum(int(on) for _, on in every) == 1
 
 
+def test_what_the_machine_calls_uncertain_stands_in_the_headline(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[dict[str, Any]] = []
+
+    async def status(one: Runner) -> None:
+        await folded(one, 11)
+        for count in (0, 4):
+            noted = {"x: uncertain": count, "came late": 9}
+            one.sources[0].health = Health("up", received=11, noted=noted)  # type: ignore[misc]
+            told.append(one.status())
+
+    run(tmp_path, Fast(11), "", status, monkeypatch)
+    assert "uncertain" not in told[0]["headline"]
+    assert told[1]["headline"].endswith("calls 36 % of the samples of x uncertain.")
+    assert round(told[1]["sources"]["log"]["uncertain"]["x"], 3) == 0.364
+
+
 @pytest.mark.parametrize(("asked", "why"), [(True, "too few rows"), (False, "asks for no largest")])
 def test_no_twin_is_good_that_was_never_judged(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, asked: bool, why: str
