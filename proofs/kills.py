@@ -80,6 +80,11 @@ POINTS = (
     ("evertwin.loop.decide", "Decide._promote"),
     ("evertwin.loop.run", "Run._finished"),
 )
+HOW = {
+    "statement",
+    "time",
+    *(f"{when} {name}" for _, name in POINTS for when in ("before", "after")),
+}
 MOST = 12
 """Kills in a row before a command is left to end."""
 
@@ -175,7 +180,13 @@ def _child(folder: Path, words: Sequence[str], kill: Kill) -> NoReturn:
 
 
 def called(folder: Path, words: Sequence[str], kill: Kill = NEVER, *, anew: bool = False) -> int:
-    """Exit code of a command; −9 where it was killed."""
+    """Exit code of a command; −9 where it was killed.
+
+    Raises:
+        ValueError: there is no such point.
+    """
+    if kill.how not in HOW:
+        raise ValueError(f"nothing passes {kill.how!r}")
     if anew:
         process = subprocess.Popen(
             [sys.executable, "-m", "evertwin", *words], cwd=folder, stdout=subprocess.DEVNULL,

@@ -217,6 +217,17 @@ def nearest(name: object, known: Iterable[str]) -> str:
     return f"did you mean {near[0]!r}?" if near else there
 
 
+def few(told: Iterable[str], most: int = 5) -> str:
+    """The first of some, and how many more there are.
+
+    >>> few(["a", "b", "c"], 2), few([])
+    ('a, b and 1 more', 'none')
+    """
+    names = list(told)
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return f"{', '.join(names[:most]) or 'none'}{more}"
+
+
 def reason_of(error: BaseException) -> str:
     """Why a line to somebody else is gone, in one line.
 

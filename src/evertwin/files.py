@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable
 from pathlib import Path
 
 from evertwin.errors import UsageError
@@ -26,3 +28,18 @@ def write_whole(path: Path, content: bytes | str) -> None:
     finally:
         if part != path and part.parent.is_dir():
             part.unlink(missing_ok=True)
+
+
+def make_whole(path: Path, make: Callable[[Path], None]) -> None:
+    """A file that ``make`` makes, on the disk whole or not at all, in place of one before."""
+    part = path.with_name(path.name + ".part")
+    part.unlink(missing_ok=True)
+    make(part)
+    with part.open("rb") as written:
+        os.fsync(written.fileno())
+    part.replace(path)
+    folder = os.open(path.parent, os.O_RDONLY)
+    try:
+        os.fsync(folder)
+    finally:
+        os.close(folder)

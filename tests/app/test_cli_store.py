@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+import json
 import sqlite3
+from contextlib import closing
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
+from mcap.reader import make_reader
 
 from evertwin.app.plan_shown import _line
+from evertwin.config import read
 from evertwin.errors import UsageError
+from evertwin.fold import Chunk
 from evertwin.prognosis.laws.planning import PlanItem
-from evertwin.store import SqliteStore
+from evertwin.store import Batch, SqliteStore
 from evertwin.twin import Twin
+from planted.serving import TWINS
 
 from .conftest import Command, columns, save
 
@@ -76,7 +84,7 @@ def test_a_head_is_printed_and_verified(call: Command, ran: Path, folder: Path) 
     forged = f"{printed[:-1]}{'1' if printed[-1] == '0' else '0'}"
     wrong = call("store", "verify", "robot.toml", "--head", forged)
     assert wrong.code == 4 and "the log was rewritten" in wrong.err
-    assert "evertwin store repair" in wrong.err
+    assert "evertwin store recover" in wrong.err
     unsigned = call("store", "verify", "robot.toml", "--head", printed, "--key", "key")
     assert unsigned.code == 2 and "signature" in unsigned.err
     for key, said in (("none", "cannot be read"), ("empty", "expected a secret")):
@@ -85,19 +93,46 @@ def test_a_head_is_printed_and_verified(call: Command, ran: Path, folder: Path) 
 
 
 def test_what_never_ran_has_nothing_to_repair(call: Command, folder: Path) -> None:
-    done = call("store", "repair", "robot.toml")
+    done = call("store", "recover", "robot.toml")
     assert done.code == 2 and "no such store" in done.err
     assert not (folder / "robot.db").exists()
 
 
 def test_a_sound_store_stays(call: Command, ran: Path) -> None:
-    done = call("store", "repair", "robot.toml")
-    assert done.code == 0 and "all of them sound: nothing to repair" in done.out
+    done = call("store", "recover", "robot.toml")
+    assert done.code == 0 and "all of them sound: nothing to recover" in done.out
     assert not list(ran.parent.glob("robot.db.corrupt*"))
     missing = call("store", "export", "robot.toml", "x.csv")
     assert missing.code == 2 and "pushed to a running twin" in missing.err
     other = call("store", "export", "robot.toml", "x.csv", "--source", "gps")
     assert other.code == 2 and "no source is 'gps'" in other.err
+
+
+def test_what_is_exported_is_whole_or_says_what_is_left_out(call: Command, folder: Path) -> None:
+    toml, t = str(TWINS / "robot_live.toml"), np.arange(3) * 10**8
+    spec = read(TWINS / "robot_live.toml")
+    with closing(SqliteStore(folder / "live.db")) as store:
+        chunks = [Chunk(one.name, t, np.ones((3, len(one.channels)))) for one in spec.source]
+        scans = np.arange(540.0).reshape(3, 180)
+        scans[0, 0] = np.nan
+        store.commit(Batch([], run=1, chunks=[*chunks, Chunk("scan", t, scans)]))
+
+    def export(file: str, *more: str) -> Any:
+        return call("store", "export", toml, file, "--store", "live.db", *more)
+
+    done = export("s.mcap", "--json")
+    assert done.code == 0 and done.json["samples"] == {"command": 3, "pose": 3, "scan": 3}
+    with (folder / "s.mcap").open("rb") as file:
+        found = make_reader(file).iter_messages(topics="scan")
+        said = [json.loads(message.data) for _, _, message in found]
+    assert said[0]["ranges"][:2] == [None, 1.0] and said[2]["ranges"][-1] == 539.0
+    two = export("s.csv")
+    assert two.code == 2 and "--source command" in two.err and ".mcap" in two.err
+    assert export("s.csv", "--source", "pose").code == 0
+    assert "they are arrays" in export("s.csv", "--source", "scan").err
+    assert export("s.mcap", "--source", "scan", "--json").json["samples"] == {"scan": 3}
+    none = export("s.mcap", "--source", "gps")
+    assert none.code == 2 and "there are command, pose, scan" in none.err
 
 
 def test_a_label_has_a_reason(call: Command, ran: Path) -> None:
@@ -109,7 +144,7 @@ def test_a_damaged_store_is_told_and_repaired(call: Command, ran: Path) -> None:
     changed(ran)
     told = call("store", "verify", "robot.toml")
     assert told.code == 4 and "entry 2 (event, row 0) does not match its hash" in told.err
-    repaired = call("store", "repair", "robot.toml", "--json").json["event"]
+    repaired = call("store", "recover", "robot.toml", "--json").json["event"]
     assert repaired["kind"] == "recovered" and repaired["evidence"]["kept"] == 1
     assert call("store", "verify", "robot.toml").code == 0
     assert call("run", "robot.toml", "--data", "robot.csv").code == 0

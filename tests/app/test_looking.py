@@ -100,3 +100,37 @@ def test_a_twin_file_with_a_mistake_is_named(tmp_path: Path, call: Callable[...,
         (tmp_path / "site.toml").write_text(SITE.replace("PORT", str(port)))
         done = call("doctor", str(tmp_path / "site.toml"))
     assert done.code == 1 and "WRONG: " in done.out and "pump.toml:4" in done.out
+
+
+FLEET = """
+[fleet]
+store = "postgresql://nobody@127.0.0.1:PORT/hall"
+node = "north"
+"""
+REPLAYED = """
+[[twin]]
+file = "pump.toml"
+name = "NAME"
+NODE
+[[twin.source]]
+source = "log"
+protocol = "replay"
+files = ["run.csv"]
+"""
+
+
+def test_a_fleet_says_where_each_twin_can_run(tmp_path: Path, call: Callable[..., Any]) -> None:
+    (tmp_path / "pump.toml").write_text(TWIN)
+    (tmp_path / "run.csv").write_text("t,v,x\n" + "".join(f"{k},1,{k}\n" for k in range(40)))
+    pinned, free = (
+        REPLAYED.replace("NAME", name).replace("NODE", node)
+        for name, node in (("first", 'node = "south"'), ("second", ""))
+    )
+    site = tmp_path / "site.toml"
+    head = SITE.partition("[[twin]]")[0]
+    site.write_text(head + pinned + free + FLEET.replace("PORT", str(free_port())))
+    done = call("doctor", str(site))
+    assert done.code == 1 and "first: pinned to south" in done.out
+    assert "second: any node" in done.out and "WRONG: down: 127.0.0.1" in done.out
+    assert "WRONG: second: log lies on this machine (replay)" in done.out
+    assert "WRONG: first" not in done.out

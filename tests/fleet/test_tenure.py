@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from pathlib import Path
 
 import pytest
 
@@ -10,9 +11,12 @@ from evertwin.errors import StoreUnwritable, UsageError
 from evertwin.fleet import FleetSpec, Members, Tenure, fleet_told
 from evertwin.fleet import tenure as code
 from evertwin.fleet.tenure import ANEW, Told
+from evertwin.service.service import Service
+from evertwin.service.tending import Tending
 from evertwin.store import SqlOwners
 from evertwin.store.database import Database
 from planted.draws import first_of
+from planted.serving import site
 from proofs.owners import World
 
 DOUBLE = 68
@@ -276,3 +280,19 @@ def test_what_a_node_is_called() -> None:
     assert FleetSpec("postgresql://me@db.example/plant?sslmode=verify-full").name
     with pytest.raises(UsageError, match="node: expected letters"):
         FleetSpec(node="north star")
+
+
+def test_a_store_that_is_away_is_told_once_and_so_is_its_return(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    away, fleet = "postgresql://nobody@127.0.0.1:9/hall", Fleet()
+    tending = Tending(Service(site(tmp_path)), FleetSpec(away, "north"))
+    caplog.set_level(logging.INFO, "evertwin.service")
+    for _ in range(3):
+        tending._stepped({})
+    tending.tenure = fleet.node("north")
+    for _ in range(2):
+        tending._stepped({})
+    said = [record.message for record in caplog.records]
+    assert len(said) == 2 and "nothing is taken: 127.0.0.1:9/hall" in said[0], said
+    assert said[1] == "fleet: the store answers again"

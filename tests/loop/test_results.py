@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import json
 import logging
 import math
@@ -15,6 +16,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
+from evertwin.config import read
 from evertwin.config.spec import (
     AnomalySpec,
     ArbiterSpec,
@@ -27,6 +29,7 @@ from evertwin.config.spec import (
     TwinSpec,
 )
 from evertwin.errors import MissingExtra, UsageError
+from evertwin.fold import make_block
 from evertwin.models.form import Form
 from evertwin.outcome.result import RunResult
 from evertwin.refit.fitting import FitResult
@@ -34,6 +37,7 @@ from evertwin.report import draw_run
 from evertwin.report.run_pictures import draw_improvement
 from evertwin.report.run_report import write_report
 from evertwin.twin import Twin
+from planted.serving import TWINS
 
 
 def spec(folder: str = ".", path: str | None = None) -> TwinSpec:
@@ -113,9 +117,24 @@ def test_a_run_draws_and_shows_itself(result: RunResult) -> None:
     plt.close(figure)
     shown = result._repr_html_()
     assert "robot &lt;1&gt;: version" in shown and "promoted" in shown
+    assert shown.index(html.escape(result.headline)) < shown.index("<svg") < shown.index("<table>")
     assert "position updates" in str(result)
     with pytest.raises(UsageError):
         draw_run(result, "y")
+
+
+def test_each_object_is_one_useful_line(result: RunResult) -> None:
+    arm = read(TWINS / "arm_live.toml")
+    with Twin(arm) as twin:
+        told = [twin, arm, twin.model, twin.model.inputs, twin.model.parameters, twin.champion]
+    told += [result, result.model, result.parameters, result.champion, result.events[0],
+             result.outputs["x"], result.model.outputs,
+             make_block(t=[0], u=[[0.0]], y=[[1.0]])]  # fmt: skip
+    for one in map(repr, told):
+        assert one.startswith("<") and "\n" not in one and len(one) < 300, one
+    assert "off by" in repr(result.outputs["x"]) and result.headline[:60] in repr(result)
+    assert repr(result.model.outputs) == "<Layout: x [m]>"
+    assert "gain=0.8" in repr(result.parameters)
 
 
 def test_the_first_picture_shows_a_typical_stretch_and_angles_the_short_way() -> None:

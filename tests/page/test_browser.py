@@ -50,6 +50,11 @@ TRUST = """async () => {
   const warm = { unit: "K", shown: { unit: "degC", factor: 1, zero: 273.15, apart: "K" } };
   return [tags, quantity(Math.PI, rpm), quantity(294.25, levelOf(warm)), quantity(2, unitOf(warm))];
 }"""
+SUMMED = """async () => {
+  const { summed } = await import("/static/views/fleet.js");
+  const known = ["good good", "good unjudged", "unjudged stale failure good"];
+  return [[], ...known.map((all) => all.split(" "))].map(summed);
+}"""
 VIEWS = ("live", "improvement", "events", "signals", "life", "engineering", "faults")
 ARM = """
 [[twin]]
@@ -240,6 +245,29 @@ def test_an_order_changes_the_next_rows_and_hostile_words_are_text(shown: Shown)
     assert page.evaluate("window.hit") is None and page.query_selector("main img") is None
 
 
+def test_what_was_live_before_is_live_again_at_a_click(shown: Shown) -> None:
+    shown.awake()
+    page, served = shown.go("twin/robot/improvement"), shown.served
+    served.until(lambda status: status["twins"][0]["versions"] > 1)
+    before = served.twin("robot")["champion"]
+    other = next(v["number"] for v in served.ask("/api/v1/twins/robot")[1]["versions"]
+                 if v["number"] != before)  # fmt: skip
+    page.reload()
+    for button, live in (("promote", other), ("rollback", before)):
+        page.wait_for_selector(f"#order-{button}")
+        page.select_option("#version", str(other))
+        page.fill("#person", "ada")
+        page.fill("#reason", f"to see: {button}")
+        page.click(f"#order-{button}")
+        page.wait_for_function(
+            f"() => window.evertwin.feed.rows.version.at(-1) === {live}", timeout=30_000
+        )
+    events = served.ask("/api/v1/twins/robot/events?last=50")[1]["events"]
+    (back,) = [e for e in events if "to see: rollback" in e["reason"]]
+    assert back["kind"] == "rolled_back" and back["evidence"]["person"] == "ada"
+    assert served.twin("robot")["champion"] == before
+
+
 def test_a_label_acts_and_what_it_changed_stands_beside_the_event(shown: Shown) -> None:
     shown.awake()
     page, served = shown.go("twin/robot/events"), shown.served
@@ -280,7 +308,7 @@ def test_it_goes_on_by_itself_where_the_service_was_killed(shown: Shown) -> None
     last = page.evaluate("window.evertwin.feed.rows.newest")
     shown.served = Served(shown.file)
     shown.served.until(lambda status: status["twins"][0]["rows"] > last)
-    page.wait_for_function(f"() => window.evertwin.feed.rows.newest > {last + 3}", timeout=20_000)
+    page.wait_for_function(f"() => window.evertwin.feed.rows.newest > {last + 3}", timeout=5_000)
     assert page.evaluate("window.here") == 1 and page.url.endswith("#/twin/robot/live")
     page.wait_for_function("() => !document.getElementById('banner').classList.contains('on')")
     rows, seen = page.evaluate(ROWS)
@@ -400,6 +428,12 @@ def test_the_ghost_of_an_arm_goes_where_the_torques_differ(shown: Shown) -> None
     assert off == [5, -30], "10 % of the usual torque; far more than is drawn"
     picture(page, "twin/arm/arm_live")
     assert "of its usual torque" in page.inner_text("#leans")
+
+
+def test_what_was_never_judged_is_not_counted_as_good(shown: Shown) -> None:
+    none, good, *others = shown.go("").evaluate(SUMMED)
+    assert (none, good) == ("No twins yet.", "All 2 good.")
+    assert others == ["1 not judged, 1 good.", "2 twins need attention, 1 not judged, 1 good."]
 
 
 def test_nothing_is_trusted_that_is_off_or_not_checked(shown: Shown) -> None:

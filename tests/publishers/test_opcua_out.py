@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import logging
+import math
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -14,7 +16,7 @@ from asyncua import Client, ua
 from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256
 
 from evertwin.errors import UsageError
-from evertwin.publishers.contract import About
+from evertwin.publishers.contract import About, News
 from evertwin.publishers.opcua import OpcuaOut
 from evertwin.publishers.opcua_spec import OpcuaOutSettings
 from tests.sources.live.peers import free_port
@@ -48,6 +50,64 @@ async def told(folder: Path) -> AsyncIterator[int]:
         yield port
     finally:
         await publisher.close()
+
+
+LIFE = {
+    "components": {
+        "gearbox": {
+            "indicator": "wear", "unit": "Nm", "value": 4.0, "limit": 6.0, "sentence": "60 h left",
+            "life": {"median": 60.0, "interval80": [40.0, None], "unit": "h"},
+        },
+        "belt": {
+            "indicator": "tension", "unit": "N", "value": None, "limit": 2.0, "sentence": "unknown",
+            "life": {"verdict": "not enough data", "needs": "3 values"},
+        },
+    },
+    "alarms": [{"component": "gearbox", "kind": "failure_due"}],
+}  # fmt: skip
+
+
+def test_lives_are_variables_and_nothing_waits_while_a_server_loads() -> None:
+    port, full = free_port(), []
+    publisher = OpcuaOut(
+        OpcuaOutSettings("opcua", "127.0.0.1", port),
+        About("robot", (("x", "m"),)),
+        lambda *_: None,  # type: ignore[arg-type]
+    )
+
+    def collected(when: str, about: dict[str, int]) -> None:
+        full.append(about["generation"])
+
+    async def read_lives() -> dict[str, Any]:
+        publisher.open()
+        async with asyncio.timeout(30):
+            while publisher.health["state"] != "up":
+                await asyncio.sleep(0.02)
+        found = list(full)
+        publisher.publish(News("robot", "life", LIFE))
+        while not publisher.health.get("sent"):
+            await asyncio.sleep(0.02)
+        async with Client(f"opc.tcp://127.0.0.1:{port}/evertwin") as client:
+            space = await client.get_namespace_index("urn:evertwin:twin")
+            told: dict[str, Any] = {"collected": found}
+            for name in ("gearbox.low", "gearbox.median", "gearbox.high", "gearbox.unit",
+                         "belt.median"):  # fmt: skip
+                node = client.get_node(ua.NodeId(f"robot.life.{name}", space))
+                value = await node.read_data_value(raise_on_bad_status=False)
+                told[name] = value.Value.Value if value.StatusCode.is_good() else None
+        await publisher.close()
+        return told
+
+    gc.callbacks.append(collected)
+    try:
+        told = asyncio.run(read_lives())
+    finally:
+        gc.callbacks.remove(collected)
+    assert 2 not in told.pop("collected") and gc.isenabled()
+    assert told == {
+        "gearbox.low": 40.0, "gearbox.median": 60.0, "gearbox.high": math.inf, "gearbox.unit": "h",
+        "belt.median": None,
+    }  # fmt: skip
 
 
 async def read(port: int, who: tuple[Path, Path] | None, server: Path) -> Any:

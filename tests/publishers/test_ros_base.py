@@ -9,8 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from evertwin.publishers.contract import About, News
+from evertwin.publishers.ros import RosOut
 from evertwin.publishers.ros_base import Base, Placing
+from evertwin.publishers.ros_spec import RosOutSettings
 from evertwin.ros.transforms import Past, Transform, beyond, transforms, within
+from tests.publishers.test_opcua_out import LIFE
 
 NAMES = ("x", "y", "heading")
 
@@ -40,6 +44,24 @@ def test_an_update_is_where_it_goes_on_from_and_its_jump_is_no_speed() -> None:
     assert second.moved and second.after == (0.3, 0.1, 0.0) and second.speed[0] == 0.2
     np.testing.assert_allclose(third.speed, (0.25, -0.1, 0.1))
     assert list(base.jumps) == [((0.2, 0.0, 0.0), (0.3, 0.1, 0.0))]
+
+
+def test_each_component_has_a_status_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def nobody(*_: object) -> dict[str, object]:
+        return {}
+
+    said: list[dict[str, Any]] = []
+    out = RosOut(RosOutSettings("ros"), About("arm", ()), nobody)
+    monkeypatch.setattr(out, "_say", lambda topic, message: said.append(message))
+    out.publish(News("arm", "life", LIFE))
+    health = {"condition": "good", "why": "", "stale": False, "age": 0.1, "state": "running",
+              "rows": 5, "champion": 2, "versions": 3, "headline": "better"}  # fmt: skip
+    out.publish(News("arm", "health", health))
+    _, gearbox, belt = said[0]["status"]
+    assert (gearbox["name"], gearbox["level"]) == ("evertwin/arm: life of gearbox", 1)
+    assert gearbox["message"] == "60 h left" and (belt["level"], belt["message"]) == (0, "unknown")
+    told = {one["key"]: one["value"] for one in gearbox["values"]}
+    assert told["low [h]"] == "40" and told["high [h]"] == "inf"
 
 
 def test_only_an_update_moves_the_frame_of_the_odometry() -> None:

@@ -30,7 +30,7 @@ from evertwin.service.service import Service
 from evertwin.service.stream import stream
 from evertwin.sources.live.contract import Health
 from evertwin.store import SqliteStore
-from planted.serving import site
+from planted.serving import TWINS, site
 from planted.worlds import record_robot
 
 
@@ -183,8 +183,46 @@ def test_prometheus_hears_of_conditions_and_alarms(
     for text, alarm in zip(said, (0, 1), strict=True):
         assert f'evertwin_twin_alarm{{twin="robot"}} {alarm}.0' in text
         every = re.findall(r'evertwin_twin_condition{condition="(.*)",twin="robot"} (.)', text)
-        assert len(every) == 5 and dict(every)["out_of_specification"] == str(alarm)
+        assert len(every) == 6 and dict(every)["out_of_specification"] == str(alarm)
         assert sum(int(on) for _, on in every) == 1
+
+
+def test_what_the_machine_calls_uncertain_stands_in_the_headline(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[dict[str, Any]] = []
+
+    async def status(one: Runner) -> None:
+        await folded(one, 11)
+        for count in (0, 4):
+            noted = {"x: uncertain": count, "came late": 9}
+            one.sources[0].health = Health("up", received=11, noted=noted)  # type: ignore[misc]
+            told.append(one.status())
+
+    run(tmp_path, Fast(11), "", status, monkeypatch)
+    assert "uncertain" not in told[0]["headline"]
+    assert told[1]["headline"].endswith("calls 36 % of the samples of x uncertain.")
+    assert round(told[1]["sources"]["log"]["uncertain"]["x"], 3) == 0.364
+
+
+@pytest.mark.parametrize(("asked", "why"), [(True, "too few rows"), (False, "asks for no largest")])
+def test_no_twin_is_good_that_was_never_judged(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, asked: bool, why: str
+) -> None:
+    text = (TWINS / "robot1d.toml").read_text()
+    (tmp_path / "twins").mkdir()
+    (tmp_path / "twins" / "robot1d.toml").write_text(
+        text if asked else text.replace('requirement = "1 cm"\n', "")
+    )
+    monkeypatch.setattr("planted.serving.TWINS", tmp_path / "twins")
+    told: list[dict[str, Any]] = []
+
+    async def status(one: Runner) -> None:
+        await folded(one, 11)
+        told.append(one.status())
+
+    run(tmp_path, Fast(11), "", status, monkeypatch)
+    assert told[0]["condition"] == "unjudged" and why in told[0]["why"]
 
 
 def test_a_model_that_breaks_ends_its_twin_alone(

@@ -115,6 +115,6 @@ def test_a_repaired_store_keeps_its_days(tmp_path: Path) -> None:
         raw.execute("UPDATE samples SET content = x'00' WHERE number = 50")
         raw.commit()
     with closing(SqliteStore(path)) as store:
-        event = store.repair()
+        event = store.recover()
         assert "nothing of the log is lost" in event.reason and "; 1 samples" in event.reason
         assert len(everything(store)) == 64 and store.verify() == 5

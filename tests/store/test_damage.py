@@ -19,6 +19,8 @@ from evertwin.errors import StoreDamaged, StoreError
 from evertwin.fold import Chunk, Event
 from evertwin.store import Batch, Checkpoint, Entry, Progress, SqliteStore
 from evertwin.store.pages import check_log, rows_in
+from proofs.damage import whole
+from proofs.kills import Kill, called
 
 ENTRIES = 400
 
@@ -66,7 +68,7 @@ def check(path: Path, entries: tuple[Entry, ...]) -> SqliteStore:
         try:
             store.verify()
         except StoreDamaged:  # bytes of a state or a sample: told when they are read
-            store.repair()
+            store.recover()
     found = store.entries()
     if store.recovered is not None:
         evidence: Any = store.recovered.evidence
@@ -172,7 +174,7 @@ def test_damage_behind_what_was_looked_at_is_repaired_on_demand(tmp_path: Path) 
     database.close()
     with pytest.raises(StoreDamaged, match="entry 7"):
         store.read("event")
-    lost = store.repair()
+    lost = store.recover()
     assert lost.evidence["kept"] == 6 and store.entries()[:6] == entries[:6]
     store.commit(Batch([event(1)]))
     store.close()
@@ -319,3 +321,10 @@ def test_what_is_no_store_says_what_to_do(tmp_path: Path) -> None:
         with pytest.raises(StoreError, match="it stays as it is: move it away to begin anew"):
             SqliteStore(path)
         assert path.read_text() == "no store\n"
+
+
+def test_the_proof_dies_where_it_is_told_to_and_nowhere_else(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"nothing passes 'before SqliteStore\.close'"):
+        called(tmp_path, (), Kill("before SqliteStore.close", 1))
+    assert whole(tmp_path / "killed", killed=True)
+    assert (tmp_path / "killed" / "robot.db-wal").stat().st_size > 0

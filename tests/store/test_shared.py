@@ -224,7 +224,7 @@ def test_a_reader_asks_the_owner(postgres: str, twin: str) -> None:
             store.commit(Batch(asked, heard=last))
             assert reader.read("event") == (event(4),) and store.asked() == ((), 0)
         with pytest.raises(StoreError, match="restore it from a backup"):
-            store.repair()
+            store.recover()
 
 
 def test_a_line_that_is_cut_is_told(postgres: str, twin: str) -> None:
@@ -273,7 +273,7 @@ def test_a_twin_file_names_the_server(
     for words, said in (
         (["events", str(file)], "to see"), (["store", "verify", str(file)], "all of them sound"),
         (["store", "backup", str(file), str(tmp_path / "copy.db")], "4 entries"),
-        (["store", "repair", str(file)], "use the server's own tools"),
+        (["store", "recover", str(file)], "use the server's own tools"),
     ):  # fmt: skip
         with suppress(SystemExit):
             main(words)

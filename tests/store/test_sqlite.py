@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import sqlite3
 import subprocess
 import sys
 import time
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,7 +24,7 @@ from evertwin.errors import LawBroken, StoreDamaged, StoreError, StoreLocked, Us
 from evertwin.fold import Chunk
 from evertwin.fold.records import Answer, Event, Request
 from evertwin.models.form import Form, Term, Version
-from evertwin.store import Batch, Checkpoint, Estimate, Head, SqliteStore, check_store
+from evertwin.store import Batch, Checkpoint, Entry, Estimate, Head, SqliteStore, check_store
 from evertwin.store.chain import SEED, link
 from evertwin.store.kinds import Kept, decode, encode, kind_of, loads
 
@@ -354,6 +357,74 @@ def test_a_foreign_file_is_refused_and_left_alone(tmp_path: Path) -> None:
     SqliteStore(foreign.with_name("c.db")).close()  # the lock of a refused store is free again
     with pytest.raises(StoreError, match="another program"):
         SqliteStore(foreign)
+
+
+def older(path: Path) -> tuple[Entry, ...]:
+    """A store as schema 2 had it: without the index over samples."""
+    filled(path)
+    with closing(SqliteStore(path)) as store:
+        store.commit(Batch([], run=1, chunks=[Chunk("pose", np.arange(9), np.ones((9, 2)))]))
+        entries = store.entries()
+    with closing(sqlite3.connect(path)) as database:
+        database.execute("DROP INDEX samples_source_stop")
+        database.execute("PRAGMA user_version = 2")
+    return entries
+
+
+def schema_of(path: Path) -> tuple[int, int]:
+    """Its number, and whether the index is there."""
+    with closing(sqlite3.connect(path)) as database:
+        (found,) = database.execute("PRAGMA user_version").fetchone()
+        query = "SELECT count(*) FROM sqlite_master WHERE name = 'samples_source_stop'"
+        return int(found), int(database.execute(query).fetchone()[0])
+
+
+def killed_at(path: Path, step: int) -> bool:
+    """Opens a store in a process that dies before its how-manieth statement or renaming."""
+    pid, passed, connect, renames = os.fork(), [0], sqlite3.connect, Path.replace
+    if pid:
+        return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == -signal.SIGKILL
+
+    def passes(*_: object) -> None:
+        passed[0] += 1
+        if passed[0] == step:
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    def traced(*given: Any, **named: Any) -> sqlite3.Connection:
+        found = connect(*given, **named)
+        found.set_trace_callback(passes)
+        return found
+
+    def replaces(self: Path, target: Path) -> Path:
+        passes()
+        return renames(self, target)
+
+    sqlite3.connect, Path.replace = traced, replaces  # type: ignore[assignment, method-assign]
+    SqliteStore(path).close()
+    os._exit(0)
+
+
+def test_an_older_store_is_upgraded_whole_or_not_at_all(tmp_path: Path) -> None:
+    entries = older(tmp_path / "old.db")
+    path, kept = tmp_path / "a.db", tmp_path / "a.db.schema2"
+    begun, states, step = 0, set(), 0
+    while True:
+        step += 1
+        for one in tmp_path.glob("a.db*"):
+            one.unlink()
+        shutil.copy(tmp_path / "old.db", path)
+        killed = killed_at(path, step)
+        states.add(schema_of(path))
+        begun += kept.exists()
+        with closing(SqliteStore(path, read_only=True)) as store:  # before it is gone on with
+            assert store.entries() == entries and store.verify() == len(entries)
+        with closing(SqliteStore(path)) as store:
+            assert store.entries() == entries and store.recovered is None
+            assert len(list(store.samples("pose", 0, 99))) == 2
+        assert schema_of(path) == (3, 1) and schema_of(kept) == (2, 0)
+        if not killed:
+            break
+    assert states == {(2, 0), (3, 1)} and begun > 3 and step > 12
 
 
 def test_a_newer_store_is_refused(tmp_path: Path) -> None:

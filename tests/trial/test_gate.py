@@ -12,6 +12,7 @@ from evertwin.fold import copy, equal, load, save
 from evertwin.trial import PROBATION, Trial, admit
 from evertwin.trial.betting import GRID, LENGTHS, evidence, open_bets, place
 from evertwin.trial.gate_loop import run, unsafe
+from evertwin.trial.odds import odds
 from evertwin.trial.spec import TrialSpec
 
 RATE, HORIZON, RUNS = 10, 20, 200
@@ -216,3 +217,12 @@ def test_what_cannot_be_foretold_says_why() -> None:
     harm = np.stack([4.0 * noise, noise, 0.0 * noise, 0.0 * noise + 9.0], axis=1)
     state, _ = risky.step(risky.init(), harm)
     assert risky.to_come(state) == (None, "a safety measure is worse")
+
+
+def test_a_verdict_is_told_in_odds_and_its_evidence_in_figures() -> None:
+    trial = Trial()
+    state, _ = trial.step(trial.init(), np.tile([4.0, 1.0], (40, 1)))
+    verdict, found = trial.verdict(state)
+    assert verdict == "promote" and found["e_value"] > 20.0
+    assert f"odds of {odds(found['e_value'])} that it is no chance" in found["sentence"]
+    assert "e-value" not in found["sentence"]

@@ -64,12 +64,12 @@ def verify(
     verify_store(twin, head, key, as_json)
 
 
-@store_app.command("repair")
-def repair(twin: TwinFile, as_json: AsJson = False) -> None:
+@store_app.command("recover")
+def recover(twin: TwinFile, as_json: AsJson = False) -> None:
     """Start a damaged store from what is sound; the damaged file is kept beside it."""
-    from evertwin.app.storing import repair_store
+    from evertwin.app.storing import recover_store
 
-    repair_store(twin, as_json)
+    recover_store(twin, as_json)
 
 
 @store_app.command("backup")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 import math
 import tomllib
 from collections.abc import Awaitable, Coroutine
@@ -12,6 +13,7 @@ from typing import Any
 import typer
 
 from evertwin.app.console import show
+from evertwin.app.sharing import shared
 from evertwin.errors import reason_of
 from evertwin.ros.spec import Place
 from evertwin.service.plan import Plan, Site, read_site
@@ -34,8 +36,16 @@ def is_site(path: Path) -> bool:
 
 
 def look_at(path: Path, as_json: bool) -> None:
-    """Each source of each twin; exit code 1 where one does not answer, or its map does not fit."""
-    seen, wrong = asyncio.run(_look(read_site(path)))
+    """Each source of each twin, and the fleet; exit code 1 where one does not answer, does not fit
+    its map, or cannot be where its twin may run."""
+    site = read_site(path)
+    # what goes wrong is told below; without a handler Python prints a library's warnings
+    logging.getLogger("asyncua").addHandler(logging.NullHandler())
+    seen, wrong = asyncio.run(_look(site))
+    if site.spec.fleet.store:
+        named, seen_there, wrong_there = shared(site)
+        seen |= {named: seen_there}
+        wrong |= {named: wrong_there} if wrong_there else {}
     told = {
         name: [*seen.get(name, ()), *(f"WRONG: {one}" for one in wrong.get(name, ()))]
         for name in dict.fromkeys((*seen, *wrong))

@@ -19,8 +19,9 @@ from evertwin.ledger.owner import check_owner
 from evertwin.signals import Channel, Layout
 from evertwin.signals.series import Series
 from evertwin.signals.units import si_unit
-from evertwin.sources import write
-from evertwin.sources.spec import SourceSpec
+from evertwin.sources import Lists, write
+from evertwin.sources.spec import ArraySpec, SourceSpec
+from evertwin.sources.writers import WRITERS
 from evertwin.store import Head, SqliteStore, SqlStore, looked_at, restore
 
 TASK = "task"
@@ -62,32 +63,32 @@ def verify_store(twin: Path, text: str | None, key: Path | None, as_json: bool) 
             count = store.verify(head)
         except StoreDamaged as error:
             raise StoreDamaged(
-                f"{error}\nevertwin store repair {twin} starts from what is sound"
+                f"{error}\nevertwin store recover {twin} starts from what is sound"
             ) from error
     against = "" if head is None else f", entry {head.length} as it was printed"
     content = {"schema": "evertwin.verify/1", "entries": count}
     show(content, f"{count} entries, all of them sound{against}", as_json)
 
 
-def repair_store(twin: Path, as_json: bool) -> None:
-    """``evertwin store repair``.
+def recover_store(twin: Path, as_json: bool) -> None:
+    """``evertwin store recover``.
 
     Raises:
         UsageError: there is no store.
     """
     path = _path(twin)
     if not path.is_file():
-        raise UsageError(f"{path}: no such store: nothing to repair")
+        raise UsageError(f"{path}: no such store: nothing to recover")
     with closing(SqliteStore(path)) as store:
         event = store.recovered
         if event is None:
             try:
                 count = store.verify(None)
             except StoreDamaged:
-                event = store.repair()
+                event = store.recover()
     if event is None:
         content = {"schema": "evertwin.verify/1", "entries": count}
-        return show(content, f"{count} entries, all of them sound: nothing to repair", as_json)
+        return show(content, f"{count} entries, all of them sound: nothing to recover", as_json)
     show({"schema": "evertwin.event/1", "event": event}, event.reason, as_json)
 
 
@@ -138,43 +139,54 @@ def export_samples(
     """``evertwin store export``.
 
     Raises:
-        UsageError: no such source, or no samples of it.
+        UsageError: no such source, no samples of it, or several for a file that holds one.
     """
     source, store_file = chosen
     spec = read(twin) if store_file is not None else as_kept(twin)
     low, high = (int(1e9 * min(max(edge, -4e9), 4e9)) for edge in span)
-    found: dict[str, Series] = {}
     path = store_path(twin, spec) if store_file is None else store_file
+    every: dict[str, SourceSpec | ArraySpec] = {one.name: one for one in spec.source}
+    every |= {one.name: one for one in spec.array}
+    wanted = [name for name in every if source in ("", name)]
+    if not wanted:
+        raise UsageError(f"{path}: no source is {source!r}, there are {', '.join(every)}")
     with closing(SqliteStore(path, read_only=True)) as store:
         if store_file is None:
             _check_owner(store, spec.name)
-        for one in spec.source:
-            chunks = list(store.samples(one.name, low, high)) if source in ("", one.name) else []
-            if chunks:
-                found[one.name] = _series(one, chunks)
+        chunks = {name: list(store.samples(name, low, high)) for name in wanted}
+    found = {name: _series(every[name], kept) for name, kept in chunks.items() if kept}
     if not found:
-        names = ", ".join(one.name for one in spec.source if source in ("", one.name))
-        if not names:
-            known = ", ".join(one.name for one in spec.source)
-            raise UsageError(f"{path}: no source is {source!r}, there are {known}")
         raise UsageError(
-            f"{path}: no samples of {names} in that time: kept is what was pushed to a running "
-            "twin; recordings stay in their files"
+            f"{path}: no samples of {', '.join(wanted)} in that time: kept is what was pushed to a "
+            "running twin; recordings stay in their files"
         )
-    write(file, found)
-    counts = {name: len(series.t) for name, series in found.items()}
+    lists = {name: one for name, one in found.items() if isinstance(one, Lists)}
+    rows = {name: one for name, one in found.items() if isinstance(one, Series)}
+    if file.suffix.lower() in WRITERS and file.suffix.lower() != ".mcap":
+        if len(rows) > 1 or not rows:
+            one = f"name one of them (--source {next(iter(rows))})" if rows else "they are arrays"
+            raise UsageError(f"{file.name}: cannot hold {', '.join(found)}: {one}, or write .mcap")
+        lists = {}
+    write(file, rows, lists)
+    counts = {name: len(one.t) for name, one in found.items() if name in {**rows, **lists}}
     content = {"schema": "evertwin.samples/1", "file": str(file), "samples": counts}
     said = ", ".join(f"{count} of {name}" for name, count in counts.items())
     show(content, f"{file}: samples: {said}", as_json)
+    for name in wanted:
+        if name not in counts:
+            why = "arrays go into .mcap only" if chunks[name] else "no samples in that time"
+            typer.echo(f"evertwin: {name} is left out: {why}", err=True)
 
 
-def _series(source: SourceSpec, chunks: Sequence[Chunk]) -> Series:
+def _series(source: SourceSpec | ArraySpec, chunks: Sequence[Chunk]) -> Series | Lists:
     """Samples of a source in SI, by stamp; the number of their task beside them."""
-    channels = [Channel(name, si_unit(one.unit)) for name, one in source.channels.items()]
-    layout = Layout((*channels, Channel(TASK, "1")))  # so that it can be run as it was lived
     t, v = np.concatenate([c.t for c in chunks]), np.concatenate([c.v for c in chunks])
     task = np.concatenate([np.full(len(c.t), float(c.task)) for c in chunks])
     order = np.argsort(t, kind="stable")
+    if isinstance(source, ArraySpec):
+        return Lists(source.column, t[order], v[order], task[order])
+    channels = [Channel(name, si_unit(one.unit)) for name, one in source.channels.items()]
+    layout = Layout((*channels, Channel(TASK, "1")))  # so that it can be run as it was lived
     return Series(layout, t[order], np.column_stack([v, task])[order])
 
 

@@ -146,6 +146,10 @@ class TwinSpec(Section):
                     "in '10 Hz'", ("derive", k, "op"),
                 )  # fmt: skip
 
+    def __repr__(self) -> str:
+        sources = ", ".join(one.name for one in self.source)
+        return f"<TwinSpec {self.name!r}: model {self.model.kind}, sources {sources or 'none'}>"
+
     def rows(self, span: Span, rate: float | None) -> int:
         """The rows of one of its spans, at the rate of the clock, or of the data.
 

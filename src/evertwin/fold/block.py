@@ -53,6 +53,10 @@ class Block(NamedTuple):
     gap: Bools
     """True where the interval is too long to be simulated over: the state starts anew."""
 
+    def __repr__(self) -> str:
+        last = self.row + len(self.t) - 1
+        return f"<Block: rows {self.row} to {last}, u {self.u.shape}, y {self.y.shape}>"
+
 
 def make_block(
     t: ArrayLike,

@@ -98,6 +98,10 @@ class Event:
     def __post_init__(self) -> None:
         object.__setattr__(self, "evidence", plain(self.evidence))
 
+    def __repr__(self) -> str:
+        about = f"{self.kind} {self.signal}".rstrip()
+        return f"<Event at row {self.row}, {about}: {self.reason}>"
+
 
 @dataclass(frozen=True)
 class Request:

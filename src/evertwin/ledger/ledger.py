@@ -81,7 +81,7 @@ class Ledger:
         except StoreDamaged:
             if reading:
                 raise
-            store.repair()
+            store.recover()
             self.lives, self._back, self.runs, self.pinned = [], [], [], False
             self._open(configured)
         if not reading:

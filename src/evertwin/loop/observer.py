@@ -16,6 +16,7 @@ from evertwin.loop.follow import Followed
 from evertwin.loop.in_stream import as_is
 from evertwin.models import Parameters
 from evertwin.models.form import Version
+from evertwin.outcome.asked_of import limits
 from evertwin.outcome.headline import also_pinned, failed_first, headline, unless_at_rest, wrong
 from evertwin.outcome.jumps import usual_most
 from evertwin.outcome.lives import lives
@@ -205,7 +206,7 @@ class Observer:
             trial=trial,
             headline=also_pinned(said, champion.number, pinned=pinned), pinned=pinned,
             faults=wrong(driver.setup, outputs, self.events),
-            missed=missed(outputs, driver.setup.requirement),
+            missed=missed(outputs, driver.setup.requirement), asked=limits(driver.setup, outputs),
             relative=self.setup.relative or not self.setup.decides, failed=failed,
         )  # fmt: skip
 

@@ -265,7 +265,7 @@ class Drive(_Rubs, Compiled):
         return self._drive(self._context, p, (y[:, 1], np.full(len(y), np.nan), y[:, 0]))
 
 
-@dataclass(frozen=True, init=False)
+@dataclass(frozen=True, init=False, repr=False)
 class DriveForce(_Rubs, Compiled):
     """From speed [m/s] and acceleration [m/s²] to force [N], linear in mass and friction.
 

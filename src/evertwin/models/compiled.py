@@ -15,6 +15,7 @@ import numpy as np
 
 from evertwin.compiled.calls import call
 from evertwin.models.kernel import Kernel, Restart
+from evertwin.models.one_line import one_line
 from evertwin.models.parameters import Parameters
 from evertwin.models.rollout import roll
 from evertwin.signals.channels import Layout
@@ -30,6 +31,8 @@ class Compiled:
     >>> Compiled(Layout(), Layout(), Layout.of(x="m"), Parameters(), 0, 0).initial(np.zeros(0))
     array([0.])
     """
+
+    __repr__ = one_line
 
     inputs: Layout
     outputs: Layout
@@ -73,6 +76,8 @@ class StaticMap:
     >>> StaticMap().initial(np.ones(3)).tolist(), StaticMap().states.names
     ([], ())
     """
+
+    __repr__ = one_line
 
     @property
     def states(self) -> Layout:

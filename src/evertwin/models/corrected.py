@@ -37,6 +37,7 @@ from evertwin.models.contract import Model
 from evertwin.models.form import Form, Term
 from evertwin.models.function import kernel_of
 from evertwin.models.kernel import Kernel, Layer, Restart
+from evertwin.models.one_line import one_line
 from evertwin.models.parameters import Parameter, Parameters
 from evertwin.models.rollout import roll, sized
 from evertwin.models.terms import kernel as kernels
@@ -101,6 +102,8 @@ class Corrected:
     Raises:
         UsageError: a term names a channel that the model has not, or its grid does not rise.
     """
+
+    __repr__ = one_line
 
     model: Model
     terms: tuple[Term, ...]

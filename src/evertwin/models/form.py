@@ -14,10 +14,12 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from textwrap import shorten
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from evertwin.errors import few
 from evertwin.fold.records import canonical, plain
 from evertwin.types import Json, ParameterVector
 
@@ -116,8 +118,9 @@ class Version:
 
     def __repr__(self) -> str:
         told = (f"{name}={value:.6g}" for name, value in zip(self.names, self.values, strict=True))
-        terms = (f"{term.kind} on {term.channel}" for term in self.form.terms)
-        return f"<Version {self.number}: {', '.join([*told, *terms])} ({self.reason})>"
+        terms = [f"{term.kind} on {term.channel}" for term in self.form.terms]
+        why = shorten(self.reason, 60, placeholder=" …")
+        return f"<Version {self.number}: {', '.join([few(told), *terms])} ({why})>"
 
     @cached_property
     def hash(self) -> str:

@@ -41,6 +41,7 @@ from evertwin.errors import ModelError, UsageError
 from evertwin.models.contract import Model
 from evertwin.models.failures import Failures, at_inputs, check_numbers, raised
 from evertwin.models.kernel import RAISED, Kernel
+from evertwin.models.one_line import one_line
 from evertwin.models.parameters import Parameters
 from evertwin.signals.channels import Layout
 from evertwin.signals.units import compatible, to_si
@@ -62,6 +63,8 @@ class FunctionModel:
     >>> FunctionModel.__name__
     'FunctionModel'
     """
+
+    __repr__ = one_line
 
     step: Step
     inputs: Layout

@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
-from evertwin.errors import UsageError
+from evertwin.errors import UsageError, few
 from evertwin.settings.quantity import Measured, own
 from evertwin.signals.channels import position
 from evertwin.signals.units import conversion
@@ -77,6 +77,10 @@ class Parameters:
         if len(self._places) < len(self.names):
             twice = next(name for name in self.names if self.names.count(name) > 1)
             raise UsageError(f"parameters: expected each name once, got {twice!r} twice")
+
+    def __repr__(self) -> str:
+        told = (f"{one.name}={one.value:.6g} {one.unit}".removesuffix(" 1") for one in self.items)
+        return f"<Parameters: {few(told)}>"
 
     @classmethod
     def of(cls, **items: tuple[float, str]) -> Parameters:

@@ -36,7 +36,7 @@ Beyond: TypeAlias = Literal["hold", "line", "error"]
 """Outside the measured range: the edge's value, a straight line on, or no value (NaN)."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class TableModel(StaticMap):
     """Interpolation in a table; static. See the module for an example, `TableModel.of` to build."""
 

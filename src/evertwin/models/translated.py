@@ -61,7 +61,7 @@ CLOSE = 1e-9
 """Relative difference that the order of operations may make."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Translated(FunctionModel):
     """A `FunctionModel` whose step is machine code. See `translated`.
 

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import Any
 
 from evertwin.fold import Event
+from evertwin.trial.odds import ODDS
 
 SWITCHES = ("promoted", "rolled_back")
 """Kinds of event after which another version is live."""
+MADE = re.compile(f"(?:{ODDS}|, e-value )[^;]*; (.*)")
+"""What a version was made of, in the reason of its promotion; logs of before say e-value."""
 
 
 def lives(events: Sequence[Event]) -> list[int]:
@@ -36,7 +40,7 @@ def went_back(events: Sequence[Event], live: int) -> tuple[str, ...]:
     """Of an earlier version that went live again last: what was live before it, and from when to
     when; nothing: none did, or another one is ``live`` now.
 
-    >>> went = Event(9, 0, "promoted", "", "2 replaces 1, e-value 9; c 1 → 2",
+    >>> went = Event(9, 0, "promoted", "", "2 replaces 1, odds of 9 to 1; c 1 → 2",
     ...              {"version": 2, "replaced": 1})
     >>> back = Event(19, 0, "rolled_back", "", "", {"version": 1, "since": 12})
     >>> print(went_back([went, back], 1)[0].replace("; ", "\\n"))
@@ -54,7 +58,8 @@ def went_back(events: Sequence[Event], live: int) -> tuple[str, ...]:
             break
     if not away:
         return ()
-    made = away[0].reason.partition(", e-value")[2].partition("; ")[2]
+    found = MADE.search(away[0].reason)
+    made = found[1] if found else ""
     numbers = [str(event.evidence["version"]) for event in reversed(away)]
     which = f"Version{'s' * (len(away) > 1)} {', '.join(numbers)}{f' ({made})' if made else ''}"
     was = "were" if len(away) > 1 else "was"

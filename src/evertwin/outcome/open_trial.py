@@ -9,6 +9,7 @@ from evertwin.setup.setup import Setup
 from evertwin.setup.twin_state import TRIAL, TwinState
 from evertwin.trial import Check
 from evertwin.trial.gate import figures
+from evertwin.trial.odds import ODDS, odds
 
 FEW, MANY = 3, 6
 """Numbers that stand for more than so many; parts of a form that are told one by one."""
@@ -20,8 +21,8 @@ class OpenTrial:
 
     >>> lacks = (Check("segments", False, 12.0, 20.0),)
     >>> print(OpenTrial(3, "tuned gain", 400, 12, 0.1, 150.0, lacks, 8, 8.0, ""))
-    version 3 (tuned gain) is on trial since row 400: deviation -10.0 % over 12 segments, e-value \
-150; missing: segments 12 of 20; at this pace 8 more segments, 8 s
+    version 3 (tuned gain) is on trial since row 400: deviation -10.0 % over 12 segments, odds of \
+150 to 1; missing: segments 12 of 20; at this pace 8 more segments, 8 s
     """
 
     version: int
@@ -52,7 +53,7 @@ class OpenTrial:
             pace = f"at this pace {self.more} more segments, {self.seconds:.3g} s"
         return (
             f"version {self.version} ({shorter(self.reason)}) is on trial since {since}: deviation "
-            f"{-100 * self.gain:+.1f} % over {self.segments} segments, e-value {self.e_value:.3g}; "
+            f"{-100 * self.gain:+.1f} % over {self.segments} segments{ODDS}{odds(self.e_value)}; "
             f"missing: {lacks or 'nothing'}; {pace}"
         )
 

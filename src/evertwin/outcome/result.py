@@ -9,6 +9,8 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from pkgutil import resolve_name
+from textwrap import shorten
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,7 +25,7 @@ from evertwin.outcome.open_trial import OpenTrial, shorter
 from evertwin.outcome.shell import Shell
 from evertwin.outcome.spells import Spell
 from evertwin.outcome.summed_up import Several, summed_up
-from evertwin.signals.spoken import MANY, percent, share, suited
+from evertwin.signals.spoken import MANY, both, percent, share, suited
 from evertwin.sources.tally import Tally
 from evertwin.types import Json
 
@@ -39,6 +41,8 @@ DECISIONS = (
 """Kinds of event that a person reads first."""
 DATED = 3 * 10**17
 """Stamps beyond this [ns] are dates: of a clock that began in 1970, since 1979."""
+PICTURE = "evertwin.report.run_report:first_picture"
+"""What draws; by its name, since it is above the ladder of imports and slow to load."""
 MOST = 12
 """Of them, the newest that are shown at once."""
 
@@ -72,6 +76,10 @@ class OutputFigures:
     """Where it is off by more than is asked: the one stretch on which it was, if it fits again."""
     held: bool = False
     """Were all outputs within what is asked in the newest window that was judged?"""
+
+    def __repr__(self) -> str:
+        first, last = both(self.before, self.after, self.unit, self.recorded)
+        return f"<OutputFigures: off by {first} before, {last} now, over {self.rows} rows>"
 
     @property
     def before(self) -> float:
@@ -138,6 +146,8 @@ class RunResult:
     """Signals whose measurement is in error at the end, or stands apart from the model, and how."""
     missed: tuple[str, ...] = ()
     """Outputs that are off by more than is asked, and not on one stretch alone that is over."""
+    asked: Mapping[str, float] = field(default_factory=dict)
+    """What each output that is judged may be off by, in its unit."""
     relative: bool = True
     """Are outputs held to a share of their size?"""
     pinned: bool = False
@@ -145,6 +155,10 @@ class RunResult:
     failed: Failed | None = None
     """Rows that the model could not compute, its step having raised something; they count
     nowhere."""
+
+    def __repr__(self) -> str:
+        said = shorten(self.headline, 120, placeholder=" …")
+        return f"<RunResult of {self.name!r}, version {self.champion.number}: {said}>"
 
     def __getstate__(self) -> dict[str, Any]:
         """What travels to another process: all but the models, of which channels and numbers do."""
@@ -342,7 +356,8 @@ class RunResult:
         return [f"  and {said} (--events shows each)"]
 
     def _repr_html_(self) -> str:
-        """Tables for a notebook."""
+        """The first screen of the report for a notebook: what came of it, the picture, tables."""
+        picture = resolve_name(PICTURE)(self) or ""
         head = "<tr><th>output<th>unit<th>rms before<th>after<th>relative before<th>after</tr>"
         body = "".join(
             "<tr>" + "".join(f"<td>{html.escape(cell)}" for cell in row) + "</tr>"
@@ -356,7 +371,8 @@ class RunResult:
         trial = "" if self.trial is None else f"; {self.trial}"
         title = html.escape(f"{self.name}: version {self.champion.number} is live{trial}")
         return (
-            f"<p><b>{html.escape(self.headline)}</b></p><p>{title}</p><table>{head}{body}</table>"
+            f"<p><b>{html.escape(self.headline)}</b></p>{picture}<p>{title}</p>"
+            f"<table>{head}{body}</table>"
             f"<table><tr><th>row<th>event<th>signal<th>reason</tr>{events}</table>"
         )
 

@@ -1,14 +1,16 @@
 """What a twin says, as an OPC UA server: variables that can be read and watched, never written.
 
 Below ``Objects / NAME``: for each output an object with ``measured``, ``predicted``, ``residual``,
-``sigma`` and ``mark``, stamped as the row is; ``condition``, ``stale`` and ``event`` beside them.
-The server has a thread and an event loop of its own: loading its address space takes seconds. With
+``sigma`` and ``mark``, stamped as the row is; ``condition``, ``stale`` and ``event`` beside them;
+``life.COMPONENT`` with ``low``, ``median`` and ``high`` (80 %) in ``unit`` once lives are told.
+The server has a thread and an event loop of its own: loading its address space takes a second. With
 a security policy a session is opened for certificates of the trust folder alone.
 """
 
 from __future__ import annotations
 
 import asyncio
+import gc
 import logging
 import math
 import threading
@@ -21,7 +23,9 @@ from typing import Any
 
 from evertwin.errors import needs
 from evertwin.publishers.contract import About, Ask, News
+from evertwin.publishers.lasting import lasting
 from evertwin.publishers.opcua_spec import OpcuaOutSettings
+from evertwin.publishers.uncollected import uncollected
 from evertwin.trust import why_not
 
 with needs("live", "asyncua"):
@@ -78,6 +82,8 @@ class OpcuaOut:
         self._loop = asyncio.new_event_loop()
         self._ended = asyncio.Event()
         self._nodes: dict[tuple[str, str], Any] = {}
+        self._folder: Any = None
+        self._space = 0
         self._thread = threading.Thread(target=self._run, name=f"opcua {about.name}", daemon=True)
 
     @property
@@ -103,6 +109,7 @@ class OpcuaOut:
             with suppress(RuntimeError):  # it has ended meanwhile
                 self._loop.call_soon_threadsafe(self._ended.set)
             await asyncio.to_thread(self._thread.join, 10.0)
+            gc.unfreeze()  # its address space is garbage now
 
     # ------------------------------------------------------------------ in its own thread
 
@@ -130,7 +137,8 @@ class OpcuaOut:
         if secure:
             await server.load_certificate(self.settings.certificate)
             await server.load_private_key(self.settings.key)
-        await server.init()
+        with uncollected():
+            await server.init()
         server.set_endpoint(f"opc.tcp://{self.settings.host}:{self.settings.port}/evertwin")
         server.set_server_name(f"evertwin {self._twin}")
         server.set_identity_tokens([ua.AnonymousIdentityToken])  # the certificate says who it is
@@ -155,19 +163,22 @@ class OpcuaOut:
         self._state = "closed"
 
     async def _variables(self, server: Server) -> None:
-        space = await server.register_namespace(SPACE)
-        folder = await server.nodes.objects.add_object(ua.NodeId(self._twin, space), self._twin)
+        self._space = await server.register_namespace(SPACE)
+        own = ua.NodeId(self._twin, self._space)
+        self._folder = await server.nodes.objects.add_object(own, self._twin)
         for output in self._outputs:
-            name = f"{self._twin}.{output}"
-            part = await folder.add_object(ua.NodeId(name, space), f"{space}:{output}")
-            for column in (*COLUMNS, "mark"):
-                first: Any = math.nan if column != "mark" else 0
-                self._nodes[output, column] = await part.add_variable(
-                    ua.NodeId(f"{name}.{column}", space), f"{space}:{column}", first
-                )
-        for name, first in (("condition", "check"), ("stale", True), ("event", "")):
-            self._nodes["", name] = await folder.add_variable(
-                ua.NodeId(f"{self._twin}.{name}", space), f"{space}:{name}", first
+            await self._part(output, dict.fromkeys(COLUMNS, math.nan) | {"mark": 0})
+        await self._part("", {"condition": "check", "stale": True, "event": ""})
+
+    async def _part(self, name: str, firsts: Mapping[str, Any]) -> None:
+        """An object with its variables; without a name those of the twin itself."""
+        space, folder, path = self._space, self._folder, self._twin
+        if name:
+            path = f"{path}.{name}"
+            folder = await folder.add_object(ua.NodeId(path, space), f"{space}:{name}")
+        for column, first in firsts.items():
+            self._nodes[name, column] = await folder.add_variable(
+                ua.NodeId(f"{path}.{column}", space), f"{space}:{column}", first
             )
 
     async def _told(self, news: News) -> None:
@@ -185,6 +196,14 @@ class OpcuaOut:
         elif news.kind == "events":
             newest = content["events"][-1]
             await self._write("", "event", f"{newest['kind']}: {newest['reason']}")
+        elif news.kind == "life":
+            for component, one in content["components"].items():
+                told = lasting(one["life"]) | {"unit": one["life"].get("unit", "")}
+                name = f"life.{component}"
+                if (name, "unit") not in self._nodes:
+                    await self._part(name, told)
+                for column, value in told.items():
+                    await self._write(name, column, value)
         self._counts["sent"] += 1
 
     async def _write(

@@ -2,15 +2,16 @@
 
 ``/evertwin/NAME/prediction`` is the predicted pose of a base (``nav_msgs/Odometry``) or the joints
 of an arm (``sensor_msgs/JointState``, effort as predicted); ``path``, ``measured`` and ``markers``
-show a base in RViz; ``/diagnostics`` has health and residuals of every twin. Where the site file
-names the frame of the machine's odometry, ``/tf`` places it in the map. The node has no way to say
-anything else: no command, no goal, no parameter.
+show a base in RViz; ``/diagnostics`` has health, residuals and lives of every twin. Where the site
+file names the frame of the machine's odometry, ``/tf`` places it in the map. The node has no way to
+say anything else: no command, no goal, no parameter.
 """
 
 from __future__ import annotations
 
 import asyncio
 import logging
+import math
 import re
 import time
 from collections import Counter
@@ -20,6 +21,7 @@ from typing import Any
 from evertwin.backoff import Backoff
 from evertwin.publishers import ros_content as content
 from evertwin.publishers.contract import About, Ask, News
+from evertwin.publishers.lasting import lasting
 from evertwin.publishers.ros_base import Base, Placing
 from evertwin.publishers.ros_spec import RosOutSettings
 from evertwin.ros.node import Node, NodeDown, Subscription, node_at
@@ -50,6 +52,7 @@ class RosOut:
         self._node: Node | None = None
         self._task: asyncio.Task[None] | None = None
         self._newest: Mapping[str, Any] | None = None
+        self._lives: Mapping[str, Any] = {"components": {}, "alarms": ()}
         self._event = ""
 
     @property
@@ -73,6 +76,8 @@ class RosOut:
             self._event = f"{newest['kind']}: {newest['reason']}"
         elif news.kind == "health":
             self._health(news.content)
+        elif news.kind == "life":
+            self._lives = news.content
 
     async def close(self) -> None:
         """See `Publisher`."""
@@ -198,6 +203,7 @@ class RosOut:
         told += [] if rows is None else [
             self._residual(name, unit, rows["outputs"][name]) for name, unit in self._about.outputs
         ]  # fmt: skip
+        told += [self._life(name, one) for name, one in self._lives["components"].items()]
         self._say(self.settings.diagnostics, {"header": content.header(t, ""), "status": told})
         if self._base is None or not self._base.way:
             return
@@ -218,6 +224,19 @@ class RosOut:
         }  # fmt: skip
         message = ": ".join(filter(None, (health["condition"], health["why"])))
         return content.status(f"evertwin/{self._about.name}", level, message, told)
+
+    def _life(self, component: str, one: Mapping[str, Any]) -> content.Content:
+        """How long it lasts; a warning while an alarm is due."""
+        out = any(alarm["component"] == component for alarm in self._lives["alarms"])
+        unit = one["life"].get("unit", "not known")
+        told: dict[str, object] = {
+            f"{name} [{unit}]": None if math.isnan(value) else value
+            for name, value in lasting(one["life"]).items()
+        }
+        told |= {f"{one['indicator']} [{one['unit']}]": one["value"], "limit": one["limit"]}
+        name = f"evertwin/{self._about.name}: life of {component}"
+        level = content.WARN if out else content.OK
+        return content.status(name, level, str(one["sentence"]), told)
 
     def _residual(self, name: str, unit: str, cells: Mapping[str, Any]) -> content.Content:
         """Of the newest row that has one."""

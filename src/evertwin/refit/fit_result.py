@@ -18,6 +18,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
+from evertwin.errors import few
 from evertwin.fold import interval, plain
 from evertwin.models import Parameters
 from evertwin.models.failures import Failed
@@ -220,6 +221,12 @@ class FitResult:
             f"{percent(trained[one.name].relative_rms)} in what it learned from: the form is "
             "another, or the numbers were told by too little"
         )
+
+    def __repr__(self) -> str:
+        off = few(f"{one.name} by {percent(one.relative_rms)}" for one in self.test or self.train)
+        tuned = dict(zip(self.fit.names, self.fit.values, strict=True))
+        told = few(f"{name}={value:.6g}" for name, value in tuned.items())
+        return f"<FitResult of {self.name!r}: {told}; off {off}>"
 
     def __str__(self) -> str:
         """What speaks against it, parameters, then deviations per recording."""

@@ -10,6 +10,7 @@ Plain data travels, models never: each process builds the model from the twin fi
 
 from __future__ import annotations
 
+from dataclasses import fields
 from functools import partial
 
 from evertwin.config.spec import TwinSpec
@@ -26,9 +27,14 @@ KEPT = 4
 _SETUPS: dict[str, Setup] = {}
 
 
+def _key(spec: TwinSpec, form: Form | None = None) -> str:
+    """All that a twin file says, and a form."""
+    return repr(([getattr(spec, one.name) for one in fields(spec)], form))
+
+
 def setup_of(spec: TwinSpec) -> Setup:
     """A twin's frozen parts, which this process builds once."""
-    key = repr(spec)
+    key = _key(spec)
     if key not in _SETUPS:
         if len(_SETUPS) >= KEPT:
             _SETUPS.clear()
@@ -45,10 +51,10 @@ def far_of(engine: Engine, spec: TwinSpec, form: Form) -> Far | None:
     """Where a fit's differences are simulated; None: in this process."""
     if engine.workers == 0:
         return None
-    return Far(engine.map, partial(built, spec, form), repr((spec, form)), engine.workers)
+    return Far(engine.map, partial(built, spec, form), _key(spec, form), engine.workers)
 
 
 def formed(far: Far | None, spec: TwinSpec, form: Form) -> Far | None:
     """The same processes, for the model in another form."""
-    build, key = partial(built, spec, form), repr((spec, form))
+    build, key = partial(built, spec, form), _key(spec, form)
     return None if far is None else far._replace(build=build, key=key)

@@ -25,6 +25,7 @@ from evertwin.report.run_pictures import (
 )
 from evertwin.setup.setup import Setup
 from evertwin.signals.spoken import both
+from evertwin.trial.odds import odds
 from evertwin.types import Outputs, ParameterVector
 
 MOST = 8
@@ -63,7 +64,7 @@ def write_report(result: RunResult, setup: Setup, path: Path) -> None:
         "name": result.name,
         "relative": setup.relative,
         "updating": _updating(result, setup),
-        "first": _first(result, setup), "narrow": _first(result, setup, NARROW),
+        "first": first_picture(result), "narrow": first_picture(result, NARROW),
         "lead": "" if setup.static or not math.isfinite(setup.horizon) else f"{setup.horizon:g} s",
         "better": result.champion.number > 0,
         "checks": _checks(result, setup), "gains": _gains(result),
@@ -86,13 +87,9 @@ def _updating(result: RunResult, setup: Setup) -> bool:
     return setup.spec.arbiter.use == "tolerance" or any(result.position_updates)
 
 
-def _first(result: RunResult, setup: Setup, wide: float = 9.0) -> Markup | None:
-    """The picture that opens the report."""
-    limits = {
-        name: setup.requirement * (one.size if setup.relative else 1.0)
-        for k, (name, one) in enumerate(result.outputs.items()) if setup.watched[k]
-    }  # fmt: skip
-    figure = draw_improvement(result, limits, 300 if wide > NARROW else 150, wide)
+def first_picture(result: RunResult, wide: float = 9.0) -> Markup | None:
+    """The picture that opens the report; ``wide``: in inches."""
+    figure = draw_improvement(result, result.asked, 300 if wide > NARROW else 150, wide)
     return None if figure is None else inline(figure, "measured, before, now; what is off")
 
 
@@ -125,8 +122,8 @@ def _checks(result: RunResult, setup: Setup) -> list[tuple[str, str]]:
         checks += [
             ("yes", f"Tried on {found['segments']} stretches that neither version had seen."),
             ("yes", f"{found['gain']:.0%} less deviation there; at least {rule.margin:.0%} asked."),
-            ("yes", f"Odds of {found['e_value']:.3g} to 1 that this is no chance; "
-                    f"{1 / rule.alpha:.3g} to 1 asked."),
+            ("yes", f"Odds of {odds(found['e_value'])} that this is no chance; "
+                    f"{odds(1 / rule.alpha)} asked."),
         ]  # fmt: skip
     known: Any = result.to_dict()["parameters"]
     weak = [name for name, one in known.items() if one["verdict"] in ("weak", "not")]

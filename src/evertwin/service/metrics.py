@@ -13,7 +13,9 @@ from prometheus_client.registry import Collector
 from evertwin.service.service import Service
 
 STATES = ("starting", "running", "ended", "quarantined", "stopped")
-CONDITIONS = ("good", "check", "maintenance_required", "out_of_specification", "failure")
+CONDITIONS = (
+    "good", "unjudged", "check", "maintenance_required", "out_of_specification", "failure",
+)  # fmt: skip
 
 
 class Figures(Collector):

@@ -56,6 +56,8 @@ class Tending:
         self._looked_at: set[str] = set()
         """Twins of others whose states are looked at just now."""
         self._ends = False
+        self._down: type[EvertwinError] | None = None
+        """How the store failed that does not answer; None: it does."""
 
     @property
     def server(self) -> str:
@@ -100,12 +102,16 @@ class Tending:
                     self._settings.name, self._settings.lease, SqlOwners(database),
                     Members(database), address=self.address,
                 )  # fmt: skip
-            return self.tenure.step(told)
-        except StoreUnwritable as error:
-            LOG.error("fleet: %s", error)
+            step = self.tenure.step(told)
         except EvertwinError as error:
-            LOG.error("fleet: nothing is taken: %s", error)
-        return Step()
+            if self._down is not type(error):
+                LOG.error("fleet: nothing is taken: %s", error)
+            self._down = type(error)
+            return Step()
+        if self._down is not None:
+            LOG.info("fleet: the store answers again")
+        self._down = None
+        return step
 
     def _watch_out(self) -> None:
         """The store does not answer: what is no longer surely this node's is dropped meanwhile."""

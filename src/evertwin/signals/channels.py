@@ -15,7 +15,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from evertwin.errors import UsageError, nearest
+from evertwin.errors import UsageError, few, nearest
 from evertwin.signals.units import conversion, si_unit
 from evertwin.types import Outputs
 
@@ -94,6 +94,9 @@ class Layout:
         for name in names:
             if names.count(name) > 1:
                 raise UsageError(f"layout: expected each name once, got {name!r} twice")
+
+    def __repr__(self) -> str:
+        return f"<Layout: {few(f'{one.name} [{one.unit}]' for one in self.channels)}>"
 
     @classmethod
     def of(cls, **units: str) -> Layout:

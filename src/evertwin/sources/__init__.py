@@ -32,6 +32,6 @@ if TYPE_CHECKING:
         Table as Table,
     )
     from evertwin.sources.tally import Tally as Tally
-    from evertwin.sources.writers import write as write
+    from evertwin.sources.writers import Lists as Lists, write as write
 
 __getattr__ = surface(__name__)

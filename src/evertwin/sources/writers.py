@@ -2,7 +2,8 @@
 
 Values are written so that reading gives the same bits again: shortest round-trip decimals in CSV,
 float64 elsewhere; stamps stay int64 nanoseconds (in CSV, seconds with nine decimals). Units go into
-the headings, or into the field's metadata. MCAP carries one topic per series, as JSON messages.
+the headings, or into the field's metadata. MCAP carries one topic per series, as JSON messages,
+and samples that are arrays as lists of numbers.
 
 >>> import tempfile
 >>> series = Series(Layout.of(v="m/s"), np.array([0, 10**9]), np.array([[0.1], [np.nan]]))
@@ -19,8 +20,11 @@ from __future__ import annotations
 
 import csv
 import json
+import math
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
+from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,20 +32,42 @@ from evertwin.errors import UsageError
 from evertwin.signals import Layout
 from evertwin.signals.series import Series
 from evertwin.sources.foreign import load
+from evertwin.types import Stamps
+
+EMPTY: Mapping[str, Lists] = MappingProxyType({})
 
 
-def write(path: Path, series: Mapping[str, Series]) -> None:
-    """Write ``series`` (name → series) to ``path``; only MCAP holds several.
+class Lists(NamedTuple):
+    """Samples that are arrays.
+
+    >>> Lists("ranges", np.array([0]), np.zeros((1, 180)), np.zeros(1)).column
+    'ranges'
+    """
+
+    column: str
+    """What their values are called."""
+    t: Stamps
+    v: np.ndarray
+    """(n, …)"""
+    task: np.ndarray
+    """Number of the task of each, (n,)."""
+
+
+def write(path: Path, series: Mapping[str, Series], lists: Mapping[str, Lists] = EMPTY) -> None:
+    """Write ``series`` (name → series) to ``path``; only MCAP holds several, and ``lists``.
 
     Raises:
-        UsageError: an unknown suffix, or several series for a file that holds one.
+        UsageError: an unknown suffix, or several series or lists for a file that holds one series.
         MissingExtra: the library that writes it is not installed.
     """
     suffix = path.suffix.lower()
     if suffix not in WRITERS:
         raise UsageError(f"{path.name}: expected one of {', '.join(sorted(WRITERS))}")
-    if suffix != ".mcap" and len(series) != 1:
-        raise UsageError(f"{path.name}: holds one series, got {len(series)}: write an MCAP file")
+    if suffix == ".mcap":
+        return _mcap(path, series, lists)
+    if lists or len(series) != 1:
+        names = ", ".join((*series, *lists))
+        raise UsageError(f"{path.name}: holds one series of numbers, got {names}: write .mcap")
     WRITERS[suffix](path, series)
 
 
@@ -94,22 +120,34 @@ def _parquet(path: Path, series: Mapping[str, Series]) -> None:
     parquet.write_table(arrow.Table.from_arrays(columns, schema=arrow.schema(fields)), path)
 
 
-def _mcap(path: Path, series: Mapping[str, Series]) -> None:
+def _mcap(path: Path, series: Mapping[str, Series], lists: Mapping[str, Lists] = EMPTY) -> None:
+    number, array = {"type": "number"}, {"type": "array", "items": {"type": "number"}}
+    shapes: dict[str, Mapping[str, object]] = {
+        name: {c.name: {**number, "description": f"[{c.unit}]"} for c in one.layout}
+        for name, one in series.items()
+    }
+    shapes |= {name: {one.column: array, "task": number} for name, one in lists.items()}
+    every: dict[str, Series | Lists] = {**series, **lists}
     with path.open("wb") as file:
         writer = load("mcap.writer").Writer(file)
         writer.start(profile="", library="evertwin")
-        channels = {name: _channel(writer, name, one.layout) for name, one in series.items()}
-        for name, t, row in _by_stamp(series):
-            names = series[name].layout.names
-            content = {k: (v if np.isfinite(v) else None) for k, v in zip(names, row, strict=True)}
-            data = json.dumps(content, allow_nan=False).encode()
+        channels = {name: _channel(writer, name, shape) for name, shape in shapes.items()}
+        for name, t, row in _by_stamp({name: one.t for name, one in every.items()}):
+            data = json.dumps(_content(every[name], row), allow_nan=False).encode()
             writer.add_message(channels[name], log_time=t, publish_time=t, data=data)
         writer.finish()
 
 
-def _channel(writer: object, topic: str, layout: Layout) -> int:
+def _content(one: Series | Lists, row: int) -> dict[str, object]:
+    """One sample; what is no number is null."""
+    values = [v if math.isfinite(v) else None for v in one.v[row].ravel().tolist()]
+    if isinstance(one, Lists):
+        return {one.column: values, "task": float(one.task[row])}
+    return dict(zip(one.layout.names, values, strict=True))
+
+
+def _channel(writer: object, topic: str, properties: Mapping[str, object]) -> int:
     """A topic whose schema names the units."""
-    properties = {c.name: {"type": "number", "description": f"[{c.unit}]"} for c in layout}
     schema = {"type": "object", "properties": properties}
     register: Callable[..., int] = writer.register_schema  # type: ignore[attr-defined]
     number = register(name=topic, encoding="jsonschema", data=json.dumps(schema).encode())
@@ -117,14 +155,14 @@ def _channel(writer: object, topic: str, layout: Layout) -> int:
     return channel(topic=topic, message_encoding="json", schema_id=number)
 
 
-def _by_stamp(series: Mapping[str, Series]) -> Iterator[tuple[str, int, list[float]]]:
-    names = list(series)
-    stamps = np.concatenate([one.t for one in series.values()])
-    owner = np.concatenate([np.full(len(one.t), i) for i, one in enumerate(series.values())])
-    row = np.concatenate([np.arange(len(one.t)) for one in series.values()])
+def _by_stamp(every: Mapping[str, Stamps]) -> Iterator[tuple[str, int, int]]:
+    """Name, stamp [ns] and row of each sample, in the order of all stamps."""
+    names = list(every)
+    stamps = np.concatenate(list(every.values()))
+    owner = np.concatenate([np.full(len(t), i) for i, t in enumerate(every.values())])
+    row = np.concatenate([np.arange(len(t)) for t in every.values()])
     for k in np.argsort(stamps, kind="stable").tolist():
-        name = names[int(owner[k])]
-        yield name, int(stamps[k]), series[name].v[int(row[k])].tolist()
+        yield names[int(owner[k])], int(stamps[k]), int(row[k])
 
 
 WRITERS: Mapping[str, Callable[[Path, Mapping[str, Series]], None]] = {

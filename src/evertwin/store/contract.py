@@ -189,7 +189,7 @@ class Store(Protocol):
         """
         ...
 
-    def repair(self) -> Event:
+    def recover(self) -> Event:
         """Starts anew from what is sound, where damage was found; the event says what is lost.
 
         Raises:

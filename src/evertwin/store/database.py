@@ -5,6 +5,7 @@ Write-ahead log, full synchronisation: a transaction that returned is on the dis
 
 from __future__ import annotations
 
+import logging
 import sqlite3
 import threading
 from collections.abc import Iterable, Iterator, Sequence
@@ -13,8 +14,11 @@ from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
 from evertwin.errors import StoreDamaged, StoreError, StoreUnwritable
+from evertwin.files import make_whole
 from evertwin.store.chain import Head
+from evertwin.store.steps import upgrade
 
+log = logging.getLogger("evertwin")
 MEMORY = ":memory:"
 SCHEMA = 3
 SMALL = 64 << 20
@@ -203,7 +207,8 @@ class Database:
         (tables,) = self._db.execute("SELECT count(*) FROM sqlite_master").fetchone()
         if tables and application != APPLICATION:
             raise Foreign(f"{self.path}: a database of another program, expected a store")
-        if tables and version != SCHEMA:
+        steps = upgrade(version, SCHEMA) if tables else ()
+        if tables and version != SCHEMA and steps is None:
             newer = "newer" if version > SCHEMA else "older"
             raise Foreign(
                 f"{self.path}: written by a {newer} evertwin (schema {version}, this one reads "
@@ -217,6 +222,25 @@ class Database:
             raise Foreign(f"{self.path}: no such store: nothing was written to it yet")
         if not tables:
             self._create()
+        elif steps:
+            self._upgrade(version, steps)
+
+    def _upgrade(self, version: int, steps: Sequence[str]) -> None:
+        """All steps or none; the file as it was stands beside it before the first. Who only reads
+        has a copy in memory."""
+        if self._read_only:
+            file, self._db = self._db, self._opened(MEMORY)
+            file.backup(self._db)
+            file.close()
+        else:
+            kept = Path(f"{self.path}.schema{version}")
+            make_whole(kept, self.copy_to)
+            said = "%s: upgraded from schema %d to %d; as it was it is kept as %s"
+            log.warning(said, self.path, version, SCHEMA, kept.name)
+        with self.transaction():
+            for statement in steps:
+                self._db.execute(statement)
+            self._db.execute(f"PRAGMA user_version = {SCHEMA}")
 
     def _create(self) -> None:
         with self.transaction():

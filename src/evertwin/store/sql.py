@@ -16,7 +16,6 @@ statements are the same.
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -24,6 +23,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from evertwin.errors import StoreDamaged, StoreError
+from evertwin.files import make_whole
 from evertwin.fold import Chunk, Event
 from evertwin.store.arrays import unpack
 from evertwin.store.chain import SEED, Entry, Head, chained, link
@@ -251,7 +251,7 @@ class SqlStore:
             as_printed(head, found, there)
         return found.length
 
-    def repair(self) -> Event:
+    def recover(self) -> Event:
         """Nothing to start anew from: a server's damage is its administrator's.
 
         Raises:
@@ -263,12 +263,7 @@ class SqlStore:
         """A copy of everything that is durable, whole or not at all, while work goes on."""
         self.flush()
         self._check_open()
-        part = path.with_name(path.name + ".part")
-        part.unlink(missing_ok=True)
-        self._db.copy_to(part)
-        with part.open("rb") as written:
-            os.fsync(written.fileno())
-        part.replace(path)
+        make_whole(path, self._db.copy_to)
 
     def close(self) -> None:
         """Makes all durable and releases the store; a second call does nothing."""

@@ -96,7 +96,7 @@ class SqliteStore(SqlStore):
             raise
         log.warning("%s: %s", self.path, self.recovered.reason)
 
-    def repair(self) -> Event:
+    def recover(self) -> Event:
         """Starts anew from what is sound, where `verify` or a reader found damage; what was lost.
 
         Raises:

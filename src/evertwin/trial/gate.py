@@ -35,6 +35,7 @@ import numpy as np
 from evertwin.errors import UsageError
 from evertwin.trial.betting import GRID, LENGTHS, Bets, evidence, open_bets, passed_on
 from evertwin.trial.gate_loop import OPEN, OTHER, STAYS, run, unsafe
+from evertwin.trial.odds import ODDS, odds
 from evertwin.types import Float64, Int64, Vector
 
 Verdict = Literal["promote", "reject", "roll_back", "keep"]
@@ -196,8 +197,8 @@ class Trial:
         if self.words == PROBATION.words:
             return self._told(state), found | {"sentence": _stood(found)}
         said = (
-            f"{_change(found)} over {found['segments']} unseen segments, "
-            f"e-value {found['e_value']:.3g}"
+            f"{_change(found)} over {found['segments']} unseen segments"
+            f"{ODDS}{odds(found['e_value'])} that it is no chance"
         )
         missed = [check.name for check in self.checklist(state) if not check.passed]
         if missed:
@@ -277,6 +278,6 @@ def _change(found: Mapping[str, Any]) -> str:
 def _stood(found: Mapping[str, Any]) -> str:
     return (
         f"the replaced version's deviation is {-100 * found['gain']:+.1f} % of the live one's "
-        f"over {found['segments']} segments, e-value {found['e_value']:.3g} for the replaced "
-        f"and {found['e_value_against']:.3g} for the live version"
+        f"over {found['segments']} segments{ODDS}{odds(found['e_value'])} for the replaced "
+        f"and {odds(found['e_value_against'])} for the live version"
     )

@@ -29,6 +29,7 @@ import numpy as np
 from evertwin.trial.betting import GRID, LENGTHS
 from evertwin.trial.gate import GateState, figures, new_state
 from evertwin.trial.gate_loop import OTHER, since_better
+from evertwin.trial.odds import ODDS, odds
 from evertwin.types import Float64, Vector
 
 
@@ -74,6 +75,6 @@ class Recovery:
         found = figures(state) | {"since": int(state.harm[1])}
         found["sentence"] = (
             f"{100 * found['gain']:.1f} % less deviation over the newest {found['segments']} "
-            f"segments, e-value {found['e_value']:.3g}"
+            f"segments{ODDS}{odds(found['e_value'])} that it is no chance"
         )
         return int(state.tally[0]) == OTHER, found

@@ -25,6 +25,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from evertwin.errors import few
 from evertwin.fold import plain
 from evertwin.signals.spoken import percent
 from evertwin.tuning.statistics import Dependence
@@ -203,6 +204,10 @@ class Fit:
         marks = {part: f"[{n}]" for n, part in enumerate(shared, 1)}
         told = ["; ".join(marks.get(part, part) for part in dict.fromkeys(one)) for one in parts]
         return told, [f"{mark} {part}" for part, mark in marks.items()]
+
+    def __repr__(self) -> str:
+        told = zip(self.names, self.values, strict=True)
+        return f"<Fit by {self.method}: {few(f'{name}={value:.6g}' for name, value in told)}>"
 
     def __str__(self) -> str:
         """A table of parameters, then of outputs."""

@@ -16,6 +16,9 @@ from evertwin.sources.live.look import look
 from evertwin.sources.live.look_ros import look_ros, wanted
 from evertwin.sources.live.registry import read_settings
 from evertwin.sources.live.ros_spec import RosSettings
+from evertwin.worlds.live.broker import OwnBroker
+from evertwin.worlds.live.mqtt import MqttPublisher
+from tests.sources.live.peers import free_port
 from tests.sources.live.ros_peers import master
 from tests.sources.live.test_modbus import server
 from tests.sources.live.test_mqtt import mosquitto, said
@@ -60,6 +63,32 @@ def test_topics_of_a_broker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
         publishing.join()
     assert "20 messages at most" in lines[0] and lines[1].startswith("robot/state  1.0 a second")
     assert "pose.x=1" in lines[1] and "q.0=1" in lines[1]
+
+
+def test_topics_of_the_broker_that_comes_with_the_machine(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("evertwin.sources.live.look.LISTEN", 0.5)
+    port = free_port()
+    table = {"source": "pose", "protocol": "mqtt", "port": port, "version": 3}
+
+    async def looked() -> list[str]:
+        broker, machine = OwnBroker(("127.0.0.1", port)), MqttPublisher("robot")
+        await broker.open()
+        try:
+            machine.open(broker.near)
+            looking = asyncio.create_task(look(read_settings(table), Around(tmp_path)))
+            while not looking.done():
+                machine.say("pose", {"x": 1.5})
+                await asyncio.sleep(0.1)
+            return looking.result()
+        finally:
+            await asyncio.to_thread(machine.close)
+            await broker.close()
+
+    lines = asyncio.run(looked())
+    assert "MQTT 3.1.1 does not tell" in lines[0]
+    assert lines[1].startswith("robot/pose  ") and "x=1.5" in lines[1]
 
 
 @pytest.mark.system

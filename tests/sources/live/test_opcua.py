@@ -246,3 +246,34 @@ def test_the_tree_of_a_server(peer: Server) -> None:
     lines = asyncio.run(look(read_settings(table), Around()))
     assert "n  nsu=urn:arm;s=n  70.0  Good" in lines
     assert any(line.startswith("x  nsu=urn:arm;s=x") and "BadSensor" in line for line in lines)
+
+
+TWIN = """schema = 1
+name = "arm"
+[model]
+kind = "robot1d"
+[[source]]
+name = "arm"
+[source.channels]
+v = { column = "n", unit = "m/s" }
+x = { column = "x", unit = "mm" }
+"""
+SITE = """schema = 1
+name = "hall"
+[[twin]]
+file = "arm.toml"
+[[twin.source]]
+source = "arm"
+protocol = "opcua"
+url = "opc.tcp://127.0.0.1:PORT/arm"
+namespace = "urn:arm"
+nodes = { n = "s=n", x = "s=x" }
+"""
+
+
+def test_doctor_says_nothing_in_the_words_of_the_library(peer: Server, tmp_path: Path) -> None:
+    (tmp_path / "arm.toml").write_text(TWIN)
+    (tmp_path / "site.toml").write_text(SITE.replace("PORT", str(peer.port)))
+    words = [sys.executable, "-m", "evertwin", "doctor", str(tmp_path / "site.toml")]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=60)
+    assert "nsu=urn:arm;s=x" in done.stdout and done.stderr == ""

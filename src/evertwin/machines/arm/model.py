@@ -92,7 +92,7 @@ def _coupling(more: Mapping[str, Any]) -> Coupling | None:
     return None
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Arm(StaticMap):
     """Inverse dynamics of a serial arm as a Model. Built by `Arm.of`; see the module.
 

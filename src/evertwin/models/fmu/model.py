@@ -36,6 +36,7 @@ from evertwin.models.fmu.options import Options
 from evertwin.models.fmu.worker import Worker
 from evertwin.models.function import adopted, python_kernel
 from evertwin.models.kernel import Kernel, Restart
+from evertwin.models.one_line import one_line
 from evertwin.models.parameters import Parameters
 from evertwin.models.rollout import roll, sized
 from evertwin.signals.channels import Layout, position
@@ -71,6 +72,8 @@ class Fmu:
     >>> Fmu.__name__      # see docs/how-to/fmu.md for one that runs
     'Fmu'
     """
+
+    __repr__ = one_line
 
     binding: Binding
     inputs: Layout

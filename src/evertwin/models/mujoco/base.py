@@ -19,6 +19,7 @@ import mujoco
 from evertwin.models.mujoco.engine import Engine
 from evertwin.models.mujoco.guard import Source, read_file, read_text
 from evertwin.models.mujoco.knobs import Knob
+from evertwin.models.one_line import one_line
 from evertwin.models.parameters import Parameters
 from evertwin.signals.channels import Layout
 from evertwin.types import ParameterVector
@@ -75,6 +76,8 @@ class FromFile(ABC):
     >>> FromFile.__name__
     'FromFile'
     """
+
+    __repr__ = one_line
 
     source: Source
     compiled: Any

@@ -67,7 +67,7 @@ from evertwin.types import (
 )
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class MuJoCo(FromFile):
     """Forward roll-outs. Built by `MuJoCo.of` or `MuJoCo.from_text`; see the module.
 
@@ -226,7 +226,7 @@ def _start(model: Any, keyframe: str | None) -> tuple[float, ...]:
 _DEFAULT = ("joint.*.damping", "joint.*.frictionloss", "joint.*.armature")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class InverseDynamics(StaticMap, FromFile):
     """Inverse dynamics of an MJCF or URDF model whose joints turn or slide. See the module.
 

@@ -71,6 +71,7 @@ export const CONDITIONS = {
   maintenance_required: ["Maintenance required", "maintenance"],
   stale: ["Stale", "stale"],
   check: ["Function check", "check"],
+  unjudged: ["Not judged", "check"],
   good: ["Good", "good"],
 };
 

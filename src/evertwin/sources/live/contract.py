@@ -15,7 +15,7 @@ import time
 from collections.abc import AsyncIterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal, Protocol, TypeAlias
+from typing import ClassVar, Literal, Protocol, TypeAlias
 
 import numpy as np
 
@@ -52,6 +52,13 @@ class LiveSettings(Section):
     every: Duration | None = None
     """A new task opens after so long."""
 
+    lies_here: ClassVar[bool] = False
+    """Is it read from this machine itself, so that no other one can?"""
+
+
+UNCERTAIN = ": uncertain"
+"""Behind a column's name: what is noted of its values that the machine calls so."""
+
 
 @dataclass(frozen=True)
 class Health:
@@ -86,6 +93,18 @@ class Health:
         """Samples lost, of all causes."""
         return sum(self.lost.values())
 
+    @property
+    def uncertain(self) -> dict[str, float]:
+        """Share of the samples of each column that the machine itself calls uncertain.
+
+        >>> Health(received=8, noted={"x: uncertain": 2, "came late": 1}).uncertain
+        {'x': 0.25}
+        """
+        return {
+            what.removesuffix(UNCERTAIN): min(count / max(self.received, 1), 1.0)
+            for what, count in self.noted.items() if what.endswith(UNCERTAIN)
+        }  # fmt: skip
+
     def after(self, before: Health | None) -> Health:
         """The same, counted on from what the source said before it was opened anew.
 
@@ -114,6 +133,7 @@ class Health:
             "received": self.received, "rejected": dict(self.rejected), "repeated": self.repeated,
             "lost": dict(self.lost), "noted": dict(self.noted), "reconnects": self.reconnects,
             "reason": "" if self.passed else self.reason, "hint": self.hint,
+            "uncertain": self.uncertain,
         }  # fmt: skip
 
 

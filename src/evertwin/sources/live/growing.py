@@ -22,7 +22,7 @@ import os
 from collections.abc import AsyncIterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from evertwin.backoff import Backoff
 from evertwin.errors import DataError, UsageError
@@ -56,6 +56,8 @@ class GrowingSettings(LiveSettings):
     """The file; relative to the twin file."""
     look: Duration = 0.2
     """Time between two looks at its end."""
+
+    lies_here: ClassVar[bool] = True
 
 
 class Growing(Line):

@@ -95,10 +95,12 @@ def _readings(raw: bytes) -> str:
 
 async def _topics(settings: MqttSettings, around: Around) -> list[str]:
     found = await Mqtt(settings, SourceSpec("look", {}), around).heard(LISTEN)
+    most = "as many messages as its settings say (MQTT 3.1.1 does not tell)"
+    if found.inflight is not None:
+        most = f"{found.inflight} messages at most"
     out = [
-        f"the broker sends {found.inflight} messages at most that are not acknowledged; ask in its "
-        "own settings whether it keeps sessions (persistence, autosave) and how many messages wait "
-        "(max_queued_messages)"
+        f"the broker sends {most} that are not acknowledged; ask in its own settings whether it "
+        "keeps sessions (persistence, autosave) and how many messages wait (max_queued_messages)"
     ]
     for topic, count in sorted(found.topics.items()):
         out.append(f"{topic}  {count / LISTEN:.1f} a second  {_content(found.newest[topic])}")

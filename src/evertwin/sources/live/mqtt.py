@@ -177,10 +177,10 @@ class Mqtt(Line):
         """
         own = dataclasses.replace(
             self.broker, client=f"evertwin-look-{os.getpid()}-{time.monotonic_ns()}", session=1.0,
-            will=None, version=5,
+            will=None,
         )  # fmt: skip
         beside = Mqtt(own, SourceSpec("look", {}), self.around)
-        return await heard(beside.client(), own, beside._tls, seconds)
+        return await heard(beside.client(clean=True), own, beside._tls, seconds)
 
     def decode(self, columns: Columns) -> list[Chunk]:
         """See `Line`: what its messages are is kept until it is stored."""
@@ -236,11 +236,11 @@ class Mqtt(Line):
         elif missing < 0:
             self.told.found(self.count.cause, -missing)
 
-    def client(self) -> Client:
-        """One that is not connected yet."""
+    def client(self, *, clean: bool = False) -> Client:
+        """One that is not connected yet; ``clean``: a broker of MQTT 3.1.1 keeps no session."""
         paho = load("paho.mqtt.client", "live")
         broker = self.broker
-        old = {"clean_session": False} if broker.version == 3 else {}
+        old = {"clean_session": clean} if broker.version == 3 else {}
         client: Client = paho.Client(
             paho.CallbackAPIVersion.VERSION2, client_id=self._name(), manual_ack=True,
             protocol=paho.MQTTv311 if broker.version == 3 else paho.MQTTv5,

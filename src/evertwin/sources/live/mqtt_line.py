@@ -35,8 +35,8 @@ class Heard(NamedTuple):
     """Messages of each."""
     newest: dict[str, bytes]
     """The newest message of each."""
-    inflight: int
-    """Messages that the broker sends at most before they are acknowledged."""
+    inflight: int | None
+    """Messages that the broker sends at most before they are acknowledged; None: not told (3.1)."""
 
     def like(self, wanted: Iterable[str]) -> str:
         """The topics in words, first those that are spelt most like one that was expected."""
@@ -65,7 +65,7 @@ async def heard(client: Client, broker: MqttSettings, tls: Tls | None, seconds: 
                     newest[message.topic] = bytes(message.payload)
     finally:
         line.close()
-    return Heard(topics, newest, line.inflight)
+    return Heard(topics, newest, line.inflight if broker.version == 5 else None)
 
 
 class Connection:

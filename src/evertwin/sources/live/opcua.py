@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 
 from evertwin.errors import UsageError, reason_of
 from evertwin.sources.foreign import load
-from evertwin.sources.live.contract import Around
+from evertwin.sources.live.contract import UNCERTAIN, Around
 from evertwin.sources.live.decode import BAD, PROTOCOL, Columns, Raw
 from evertwin.sources.live.line import DOWN, Line, LineDown
 from evertwin.sources.live.opcua_group import Groups, Passed
@@ -218,7 +218,7 @@ class Opcua(Line):
             self.told.lose("the server's queue overflowed")
         quality = status >> 30
         if quality == 1:
-            self.told.note(f"{column}: uncertain")
+            self.told.note(f"{column}{UNCERTAIN}")
         value = None if said.Value is None else said.Value.Value
         if quality >= 2:
             self.told.note(f"{column}: bad")

@@ -11,7 +11,7 @@ import glob
 from collections.abc import AsyncIterator, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from annotated_types import Gt
@@ -43,6 +43,8 @@ class ReplaySettings(LiveSettings):
     """Recordings or patterns; absent: those of the twin file."""
     speed: Annotated[Seconds, Gt(0.0)] = 1.0
     """Seconds of the recording in a second; ``inf``: as fast as they are read."""
+
+    lies_here: ClassVar[bool] = True
 
 
 class Replay:

@@ -39,8 +39,7 @@ export function open() {
     const known = context.twins.map((twin) => [twin, conditionOf(twin)]);
     known.sort(([a, x], [b, y]) => ORDER.indexOf(x) - ORDER.indexOf(y) || said(a) - said(b) || a.name.localeCompare(b.name));
     const seen = known.filter(([twin]) => !wish || `${twin.name} ${twin.why} ${twin.headline}`.toLowerCase().includes(wish));
-    const bad = known.filter(([, condition]) => condition !== "good");
-    put(summary, known.length ? (bad.length ? `${count(bad.length, "twin needs", "twins need")} attention, ${known.length - bad.length} good.` : `All ${known.length} good.`) : "No twins yet.");
+    put(summary, summed(known.map(([, condition]) => condition)));
     for (const name of tiles.keys()) if (!seen.some(([twin]) => twin.name === name)) tiles.delete(name);
     const wanted = seen.map(([twin, condition]) => {
       if (!tiles.has(twin.name)) tiles.set(twin.name, tile(twin));
@@ -53,6 +52,16 @@ export function open() {
 
   const element = h("section", {}, h("div", { class: "row" }, h("h1", {}, "Fleet"), h("div", { class: "grow" }, summary), h("label", {}, "Search ", search)), list, nodes);
   return { element, update };
+}
+
+/** How many are how: good is only who was judged. */
+export function summed(conditions) {
+  const [good, unjudged] = ["good", "unjudged"].map((one) => conditions.filter((known) => known === one).length);
+  const bad = conditions.length - good - unjudged;
+  if (!conditions.length) return "No twins yet.";
+  if (good === conditions.length) return `All ${good} good.`;
+  const said = [bad && `${count(bad, "twin needs", "twins need")} attention`, unjudged && `${unjudged} not judged`, `${good} good`];
+  return `${said.filter(Boolean).join(", ")}.`;
 }
 
 /** Twins and nodes of a fleet: what runs nowhere comes first, then what is furthest behind. */
@@ -74,12 +83,11 @@ function tile(twin) {
     const old = condition === "stale" ? `STALE for ${age(now.age ?? now.silent)}` : name;
     const why = now.reason || now.why || (now.state === "ended" ? "its sources have ended" : returned(now));
     const meta = `newest sample ${now.age !== null && now.age >= 1 ? `${age(now.age)} ago` : age(now.age)} · version ${now.champion ?? "–"}${now.pinned ? " pinned" : ""} · ${count(now.rows, "row")}`;
-    const key = [old, why, now.headline, meta, now.label, now.judged].join("|");
+    const key = [old, why, now.headline, meta, now.label].join("|");
     if (key === drawn) return;
     drawn = key;
     link.className = `tile ${look}`;
-    put(parts.head, sign(condition), h("b", {}, now.name), h("span", {}, old), now.label && h("span", { class: "tag" }, now.label),
-      now.judged === "not yet" && condition === "good" && !now.champion && h("span", { class: "tag weak" }, "not judged yet"));
+    put(parts.head, sign(condition), h("b", {}, now.name), h("span", {}, old), now.label && h("span", { class: "tag" }, now.label));
     put(parts.why, why);
     put(parts.told, now.headline ?? "");
     put(parts.meta, meta);
