@@ -188,8 +188,10 @@ class Recorded:
         """What is probably wrong, where it is evident or rows fell away."""
         lost = self.tally.share > self.tally.limit
         looks = top.sized if lost and top.beyond else top.looks
-        if looks is not None and not self.tally.doubt:
-            self.tally.suspect(unit_of_time(looks, top.unit, lost=lost))
+        said = "" if looks is None else unit_of_time(looks, top.unit, lost=lost)
+        if said and self.tally.doubt in self.tally.suspicions:  # what was asked is known now
+            self.tally.suspicions.remove(self.tally.doubt)
+        self.tally.suspect(said)
         if lost:
             self.tally.suspect(order_of_rows(top.t))
 
