@@ -116,7 +116,9 @@ def test_the_box_gets_its_extra_state(
     assert content["tests"][0]["fitted_to_the_test"][0]["heater_start"] > 250.0  # type: ignore[index,call-overload]
 
 
-def test_an_arm_that_stands_is_not_judged_and_told_in_words(data_set: Callable[[str], Path]) -> None:
+def test_an_arm_that_stands_is_not_judged_and_why(
+    data_set: Callable[[str], Path],
+) -> None:
     push = data_set("ur10e") / "push" / "ur-20_01_22-push_pose_1.csv"
     with Twin.open(TWINS / "ur10e.toml") as twin:
         result = twin.run(f"{push}@:3")
