@@ -59,6 +59,8 @@ def write_starter(
         DataError: a recording cannot be read, or holds no column of numbers.
     """
     kind, urdf = model
+    kind = kind or ("arm" if urdf is not None else "")  # what else is described so?
+    model = kind, urdf
     wear = wear_in(files[0]) if kind in ("", "python") and len(files) == 1 else None
     if wear is not None and wear.alone:
         _name_life(files[0], wear, as_json)
