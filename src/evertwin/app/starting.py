@@ -89,7 +89,8 @@ def write_starter(
         next_one = wear.command(str(files[0]))
         typer.echo(f"evertwin: does one of its columns tell wear? Then: {next_one}", err=True)
     odd = (note for draft in drafts for note in _odd_units(draft))
-    for note in (*others, *odd):
+    described = (note for draft in drafts for note in getattr(draft.model, "notes", ()))
+    for note in (*others, *odd, *(described if urdf is not None else ())):
         typer.echo(f"evertwin: {note}", err=True)
 
 
