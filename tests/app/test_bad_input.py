@@ -240,6 +240,14 @@ def test_rows_left_out_are_said_and_are_a_finding(call: Command, folder: Path) -
     assert fitted.code == 1 and "look like ns" in fitted.out
 
 
+def test_what_cannot_be_judged_is_a_finding(call: Command, folder: Path) -> None:
+    text = (folder / "robot.toml").read_text()
+    lines = [one for one in text.splitlines() if not one.startswith("requirement")]
+    (folder / "free.toml").write_text("\n".join(lines).replace("robot.db", "free.db"))
+    done = call("run", "free.toml", "--data", "robot.csv", "--check")
+    assert done.code == 1 and done.out.startswith("Nothing was judged, for no requirement is set")
+
+
 @pytest.mark.parametrize("command", ["run --data", "fit --train", "doctor --data"])
 def test_a_recording_that_is_given_twice_is_refused(
     call: Command, folder: Path, command: str

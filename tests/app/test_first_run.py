@@ -33,10 +33,14 @@ def test_a_run_without_a_requirement_says_what_to_set(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     twin = proposed(tmp_path)
+    text = re.sub(r"\nrequirement = .*", "", twin.read_text())
+    twin.write_text(text)
+    assert ended(["doctor", str(twin)]) == 1
+    assert "1 finding" not in (said := capsys.readouterr().out)
+    assert said.partition(" rows, ")[2].splitlines()[1].startswith("not_asked: no requirement")
     assert ended(["run", str(twin)]) == 0
     assert "set [anomaly] requirement" in capsys.readouterr().err
-    text = re.sub(r"# requirement = .*", "requirement = 1e9", twin.read_text())
-    twin.write_text(text)
+    twin.write_text(text.replace("[anomaly]", "[anomaly]\nrequirement = 1e9"))
     assert ended(["run", str(twin)]) == 0
     assert "requirement" not in capsys.readouterr().err
 

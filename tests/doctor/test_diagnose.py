@@ -110,6 +110,8 @@ def test_a_table_whose_steps_are_too_coarse() -> None:
     data = drive(gain=0.3)
     (finding,) = Twin(spec).doctor(data).of_kind("range")
     assert "quantum" in finding.reason
+    proposed = replace(spec, correction=replace(rule, quantum=0.0))
+    assert not Twin(proposed).doctor(data).of_kind("range")  # nobody set what would be too coarse
 
 
 def test_start_on_a_bound_needs_no_data() -> None:
@@ -190,7 +192,8 @@ def test_motion_in_one_direction_names_the_missing_motion() -> None:
     t = 0.1 * np.arange(600)
     speed = 1.5 + np.sin(t)
     torque = 1.0 + 0.1 + speed + rng.normal(0, 0.02, 600)
-    found = Twin(TwinSpec("axis", ModelSpec("python")), axis).doctor(
+    asked = AnomalySpec(requirement=0.05)
+    found = Twin(TwinSpec("axis", ModelSpec("python"), anomaly=asked), axis).doctor(
         {"t": t, "speed": speed, "torque": torque}
     )
     (finding,) = found.findings

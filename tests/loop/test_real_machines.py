@@ -104,7 +104,9 @@ def test_the_box_gets_its_extra_state(
 ) -> None:
     paths = dict(zip(("september", "march"), map(str, box), strict=True))
     a, b = ("@".join((paths[w.split("@")[0]], w.split("@")[1])) for w in (train, test))
-    with Twin.open(TWINS / "incubator.toml") as twin:
+    spec = read(TWINS / "incubator.toml")
+    free = replace(spec, prediction=replace(spec.prediction, horizon=float("inf")))
+    with Twin(free) as twin:
         result = twin.fit([a], [b])
     assert [(term.kind, term.channel) for term in result.form.terms] == [("state", "box")]
     assert result.search["after"] < 0.95 * result.search["before"]
@@ -112,6 +114,17 @@ def test_the_box_gets_its_extra_state(
     assert result.test[0].rms <= limit
     content = result.to_dict()
     assert content["tests"][0]["fitted_to_the_test"][0]["heater_start"] > 250.0  # type: ignore[index,call-overload]
+
+
+def test_an_arm_that_stands_is_not_judged_and_why(
+    data_set: Callable[[str], Path],
+) -> None:
+    push = data_set("ur10e") / "push" / "ur-20_01_22-push_pose_1.csv"
+    with Twin.open(TWINS / "ur10e.toml") as twin:
+        result = twin.run(f"{push}@:3")
+    assert not result.judged and "unknown" not in result.headline
+    assert "cannot be told: tau1 … tau6 are off by 9.7 to 100 %" in result.headline
+    assert "What pushes what stands cannot be told" in result.headline
 
 
 def test_every_lid_is_heard_within_limits_of_september(box: tuple[Path, Path]) -> None:

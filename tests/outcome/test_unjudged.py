@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from evertwin.config.spec import AnomalySpec, ModelSpec, PredictionSpec, TwinSpec
+from evertwin.machines.thermal import ThermalBox
 from evertwin.outcome.result import RunResult
 from evertwin.outcome.unjudged import unjudged
 from evertwin.twin import Twin
@@ -46,6 +48,31 @@ def test_what_has_no_value_is_said_first(seed: int) -> None:
     assert command.startswith("Without a value of v, nothing was predicted in 20 % of the rows")
     none = drive(seed, "x").headline
     assert none.startswith("Without a value, nothing of x was judged in any row. Nothing was")
+
+
+def box(**sections: Any) -> RunResult:
+    """A heated box, whose heater's temperature nothing measures; ``sections`` of its twin."""
+    rng, n = np.random.default_rng(4), 600
+    model = ThermalBox(wall=False)
+    u = np.column_stack([np.repeat(rng.integers(0, 2, n // 30), 30) * 1.0, np.full(n, 294.0)])
+    p = model.parameters.values
+    _, y = model.simulate(model.initial(p), u, np.full(n, 3.0), p)
+    rows = {"t": 3.0 * np.arange(n), **dict(zip(model.inputs.names, u.T, strict=True))}
+    spec = TwinSpec("box", ModelSpec("thermal", options={"wall": False}), **sections)
+    with Twin(spec) as twin:
+        return twin.run({**rows, "box": y[:, 0] + rng.normal(0.0, 0.02, n)})
+
+
+def test_a_prediction_that_never_ends_is_the_cause_that_is_named() -> None:
+    asked = AnomalySpec(requirement=0.5, relative=False)
+    never = box(anomaly=asked)
+    assert never.headline.startswith(
+        "Nothing was judged: by the first prediction behind a start what nothing measures (heater) "
+        "is estimated, and it never ends: set [prediction] horizon"
+    )
+    long = box(anomaly=asked, prediction=PredictionSpec(horizon=3000.0))
+    assert "takes 3000 s" in long.headline and not (never.judged or long.judged)
+    assert box(anomaly=asked, prediction=PredictionSpec(horizon=30.0)).judged
 
 
 @pytest.mark.parametrize("every", [1, 2, 7, 40])

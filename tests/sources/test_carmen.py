@@ -167,6 +167,18 @@ def test_walls_tell_what_beams_share(tmp_path: Path, beams: int, shared: int, se
     assert only(path).lidar.step == pytest.approx(step)
 
 
+@pytest.mark.parametrize("covered", [2, 20, COUNT])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_covered_lidar_does_not_look_all_around(tmp_path: Path, seed: int, covered: int) -> None:
+    """Two scans of 0.1 m among fifty made half a turn a whole one, and five times less of a way."""
+    rng, path = np.random.default_rng(seed), tmp_path / "run.log"
+    scans = [seen(rng.uniform(0, 6), math.radians(1), 180, rng) for _ in range(COUNT)]
+    near = [np.full(180, 0.1) + 0.01 * (seed > 0) * rng.random(180) for _ in range(covered)]
+    mixed = [(scans + near)[k] for k in rng.permutation(COUNT + covered)]
+    path.write_text("\n".join(flaser(i, i, 0.0, r) for i, r in enumerate(mixed)))
+    assert "180 beams are taken to share 180°" in only(path).assumed
+
+
 @pytest.mark.parametrize("by", ["the two poses", "a parameter"])
 def test_odometry_is_told_of_the_lidar(tmp_path: Path, by: str) -> None:
     """Beside the robot's middle the lidar goes along with every turn."""

@@ -168,7 +168,7 @@ def test_a_pose_and_its_commands_are_a_base(
     assert "differential, 5 channels found" in said and "answered" not in said
     second = round(1.0 / H)
     size = float(np.ptp(np.quantile(x[second:] - x[:-second], (0.05, 0.95))))
-    asked = re.search(r"# requirement = ([\d.]+)\n", out.read_text())
+    asked = re.search(r"(?m)^requirement = ([\d.]+)\n", out.read_text())
     assert asked and float(asked[1]) == pytest.approx(0.02 * size, rel=0.3)
     with Twin.open(out) as twin:
         assert np.isfinite(twin.run().outputs["x"].rms_after)

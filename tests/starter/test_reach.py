@@ -31,7 +31,7 @@ def asked(folder: Path, seed: int, noise: float) -> float:
     text += [",".join(f"{value:.5f}" for value in row) for row in rows]
     (folder / "run.csv").write_text("\n".join(text) + "\n")
     write_starter([folder / "run.csv"], folder / "new.toml", ("", None), True, False)
-    found = re.search(r"^# requirement = (\S+)", (folder / "new.toml").read_text(), re.M)
+    found = re.search(r"^requirement = (\S+)", (folder / "new.toml").read_text(), re.M)
     assert found is not None
     return float(found[1])
 

@@ -19,7 +19,9 @@ Speed = Annotated[
 ]
 Start = Annotated[
     float | None,
-    typer.Option(help="Of its clock, seconds since 1970. Default: now; of a recording: 0."),
+    typer.Option(
+        help="Of its clock, seconds since 1970. Default: now; of a recording: 0, of a bag: 1."
+    ),
 ]
 Seconds = Annotated[float | None, typer.Option(min=0.0, help="Of its clock, to run.")]
 Order = Annotated[

@@ -22,6 +22,7 @@ from evertwin.types import Json
 Files = Sequence[Path] | None
 FINDINGS = (
     "measurement_error", "abnormal", "drift", "rolled_back", "not_identifiable", "external",
+    "not_judged",
 )  # fmt: skip
 
 
@@ -45,7 +46,7 @@ def run_twin(
                 f"[anomaly] requirement, such as '1 {unit}' or 0.05 of the rms",
                 err=True,
             )
-    odd = result.of_kind(*FINDINGS) or result.faults or result.missed
+    odd = result.of_kind(*FINDINGS) or result.faults or result.missed or not result.judged
     if check and (odd or any(one.finding for one in result.left_out)):
         raise typer.Exit(1)
 

@@ -100,6 +100,12 @@ class Progress:
         if self._live:
             threading.Thread(target=self._tick, daemon=True).start()
 
+    def __enter__(self) -> Progress:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
     def __call__(self, rows: int, seconds: float) -> None:
         """``rows`` so far, ``seconds`` of data."""
         self._heard = time.perf_counter()

@@ -7,7 +7,7 @@ from typing import TypeAlias
 
 import typer
 
-from evertwin.app.console import show
+from evertwin.app.console import Progress, show
 from evertwin.errors import UsageError
 from evertwin.prognosis.laws.indicator import Direction
 from evertwin.prognosis.like_machines import files_of
@@ -42,7 +42,8 @@ def show_series(
     direction: Direction = "below" if below else "above"
     fleet, failed = (files_of(names or (), Path(), (file,)) for names in likes)
     asked = Series(file, limit, direction, column, "", fleet, failed, today)
-    found = life_of_series(asked, drawn=report is not None)
+    with Progress("the series are read"):
+        found = life_of_series(asked, drawn=report is not None)
     if report is not None:
         from evertwin.report.prognosis_report import write_prognosis  # pictures take 0.4 s
 

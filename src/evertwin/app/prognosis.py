@@ -10,7 +10,7 @@ from typing import Any, Literal, TypeAlias
 import typer
 
 from evertwin.ahead.planned import Planned
-from evertwin.app.console import show
+from evertwin.app.console import Progress, show
 from evertwin.app.opening import as_kept, recordings, store_path, to_work
 from evertwin.app.plan_shown import label_document, label_text, plan_text
 from evertwin.errors import UsageError
@@ -32,6 +32,7 @@ VERDICTS = {
 """What is said on the command line → what is kept."""
 HORIZON = "60 s"
 """Of a forecast, where nothing says how far."""
+READ = "history and recordings are read"
 OWN = ",".join(HEADINGS[:4])
 """How a plan's file begins."""
 
@@ -54,7 +55,8 @@ def show_forecast(
         raise UsageError(f"--horizon: {error}; write it as in '30 s' or '2 h'") from error
     planned = None if inputs is None else Planned(inputs, seconds if horizon else math.inf)
     with Twin(as_kept(twin), reading=True) as opened:
-        found = opened.forecast(seconds, recordings(data), mode or "repeat", planned)
+        with Progress(READ):
+            found = opened.forecast(seconds, recordings(data), mode or "repeat", planned)
         show(found.to_dict(), str(found), as_json)
 
 
@@ -64,7 +66,9 @@ def show_life(
     """``evertwin life``."""
     (history, data), (report, today) = known, told
     with to_work(twin) as opened:
-        found = opened.life(history, recordings(data), drawn=report is not None, from_today=today)
+        drawn = report is not None
+        with Progress(READ):
+            found = opened.life(history, recordings(data), drawn=drawn, from_today=today)
         if report is not None:
             from evertwin.report.prognosis_report import write_prognosis  # pictures take 0.4 s
 
@@ -78,7 +82,8 @@ def show_whatif(twin: Path, scenario: Path, known: Known, as_json: bool, check: 
     """``evertwin whatif``."""
     history, data = known
     with Twin(as_kept(twin), reading=True) as opened:
-        found = opened.whatif(scenario, recordings(data), history)
+        with Progress(READ):
+            found = opened.whatif(scenario, recordings(data), history)
         show(found.to_dict(), str(found), as_json)
     if check and found.findings:
         raise typer.Exit(1)
@@ -96,7 +101,8 @@ def show_plan(
     if out is not None:
         _check_plan(out)
     with Twin(as_kept(twin), reading=True) as opened:
-        found = opened.plan(history, recordings(data))
+        with Progress(READ):
+            found = opened.plan(history, recordings(data))
         if report is not None:
             from evertwin.report.prognosis_report import write_prognosis
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import typer
 
-from evertwin.app.console import show
+from evertwin.app.console import Progress, show
 from evertwin.config import read
 from evertwin.errors import UsageError
 from evertwin.files import write_whole
@@ -43,6 +43,8 @@ from evertwin.starter import (
 )
 from evertwin.starter.proposal import ASK
 
+LOOKED = "the recordings are looked at"
+
 
 def write_starter(
     files: Sequence[Path], out: Path | None, model: tuple[str, Path | None], force: bool,
@@ -59,20 +61,28 @@ def write_starter(
         DataError: a recording cannot be read, or holds no column of numbers.
     """
     kind, urdf = model
-    wear = wear_in(files[0]) if kind in ("", "python") and len(files) == 1 else None
+    kind = kind or ("arm" if urdf is not None else "")  # what else is described so?
+    model = kind, urdf
+    with Progress(LOOKED):
+        wear = wear_in(files[0]) if kind in ("", "python") and len(files) == 1 else None
     if wear is not None and wear.alone:
         _name_life(files[0], wear, as_json)
         return
-    seen, told = look(files)
+    with Progress(LOOKED):
+        seen, told = look(files)
     out = Path(f"{files[0].stem}.toml") if out is None else out
-    seen, others = _one_machine(seen, out, model, namespace)
-    kind = kind or kind_of(seen)
-    axes = by_axis(seen) if kind in ("drive", "drive_force") else (("", seen),)
+    with Progress(LOOKED):
+        seen, others = _one_machine(seen, out, model, namespace)
+        kind = kind or kind_of(seen)
+        axes = by_axis(seen) if kind in ("drive", "drive_force") else (("", seen),)
     outs = [out.with_stem(f"{out.stem}_{word}") if word else out for word, _ in axes]
     for one in outs:
         if one.exists() and not force:
             raise UsageError(f"{one}: exists already: choose another name, or say --force")
-    drafts = [_draft(one, (kind, urdf), part) for one, (_, part) in zip(outs, axes, strict=True)]
+    with Progress(LOOKED):
+        drafts = [
+            _draft(one, (kind, urdf), part) for one, (_, part) in zip(outs, axes, strict=True)
+        ]
     for info in told:  # what is left out comes first
         for note in info.notes:
             where = "" if len(files) == 1 else f"{info.file}: "
@@ -80,14 +90,16 @@ def write_starter(
     for draft in drafts if kind == "arm" and urdf is None else ():
         if reason := needs_description(draft.seen, draft.proposal.missing):
             raise UsageError(f"{files[0]}: {reason}")
-    contents = [_write(draft, force) for draft in drafts]
+    with Progress("the file is written"):
+        contents = [_write(draft, force) for draft in drafts]
     content = contents[0] | ({"axes": contents} if len(contents) > 1 else {})
     show(content, "\n".join(draft.summary() for draft in drafts), as_json)
     if wear is not None:
         next_one = wear.command(str(files[0]))
         typer.echo(f"evertwin: does one of its columns tell wear? Then: {next_one}", err=True)
     odd = (note for draft in drafts for note in _odd_units(draft))
-    for note in (*others, *odd):
+    described = (note for draft in drafts for note in getattr(draft.model, "notes", ()))
+    for note in (*others, *odd, *(described if urdf is not None else ())):
         typer.echo(f"evertwin: {note}", err=True)
 
 

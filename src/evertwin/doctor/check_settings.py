@@ -31,6 +31,7 @@ from evertwin.models.form import Version
 from evertwin.refit.correcting import sarsa_settings
 from evertwin.refit.work import Work
 from evertwin.setup.setup import Setup
+from evertwin.sources.names import listed
 from evertwin.tuning import Fit, Problem, solve
 from evertwin.tuning.advice import advise
 from evertwin.tuning.identifiability import connected
@@ -105,9 +106,20 @@ def _tolerance(view: View, level: Vector) -> Iterator[Finding]:
 
 def _requirement(view: View, level: Vector) -> Iterator[Finding]:
     setup = view.setup
+    least_of = floor(setup, level, view.windows)
+    if not setup.decides:
+        known = np.flatnonzero(setup.watched & np.isfinite(least_of)).tolist()
+        names = setup.model.outputs.names
+        noise_makes = listed([f"{names[k]} {setup.shown(k, least_of[k])}" for k in known])
+        yield Finding(
+            "not_asked", "requirement",
+            "no requirement is set: nothing is judged, tuned or corrected",
+            "[anomaly] requirement",
+            f"say how far the twin may be off, above what noise makes of it ({noise_makes})",
+        )  # fmt: skip
     if not math.isfinite(setup.requirement):
         return
-    for k, least in enumerate(floor(setup, level, view.windows)):
+    for k, least in enumerate(least_of):
         if setup.watched[k] and least > setup.requirement:
             name = setup.model.outputs.names[k]
             yield Finding(
@@ -120,8 +132,9 @@ def _requirement(view: View, level: Vector) -> Iterator[Finding]:
 
 def _actions(view: View) -> Iterator[Finding]:
     """Does the action space of a table cover what is observed?"""
-    channel = view.setup.spec.correction.translated
-    if not channel or view.setup.static:
+    rule = view.setup.spec.correction
+    channel = rule.translated
+    if not channel or view.setup.static or not rule.quantum:  # else it is proposed from the data
         return
     windows, base = view.some(view.judged), view.setup.model
     try:

@@ -12,9 +12,9 @@ from evertwin.sources.names import listed
 from evertwin.types import Json
 
 RANKS = (
-    "model_failed", "sentinel", "not_tuned", "lost", "unrelated", "unit", "sign", "exchanged",
-    "turned", "rate", "repeated", "missing", "frozen", "clock", "command", "lag", "lever",
-    "current", "held", "jump", "absurd", "range", "gap", "not_possible", "not_connected",
+    "model_failed", "sentinel", "not_tuned", "not_asked", "lost", "unrelated", "unit", "sign",
+    "exchanged", "turned", "rate", "repeated", "missing", "frozen", "clock", "command", "lag",
+    "lever", "current", "held", "jump", "absurd", "range", "gap", "not_possible", "not_connected",
     "horizon", "requirement", "hidden", "tolerance", "gate", "tuning", "at_bound",
     "not_identifiable", "weak", "shared",
 )  # fmt: skip
@@ -36,7 +36,7 @@ class Finding:
     """unrelated, unit, sign, exchanged, turned, not_tuned, command, lag, lever, current, rate,
     held, repeated, clock, gap, frozen, absurd, missing, sentinel, lost, not_identifiable, weak,
     not_connected, at_bound, shared, range, horizon, tolerance, requirement, hidden, not_possible,
-    model_failed."""
+    model_failed, not_asked."""
     subject: str
     """Channel, parameter or setting."""
     reason: str

@@ -188,7 +188,10 @@ def misread(
     if not len(model.initial(p)) or not windows:
         return None
     rows = sum(len(window.t) for window in windows)
-    since = rows - since_change(_deviation(setup, model, p, newest_rows(windows, rows)))
+    lasting = newest_rows(windows, rows)
+    if not lasting:  # each window is one row, as behind gaps all along
+        return None
+    since = rows - since_change(_deviation(setup, model, p, lasting))
     values = _recorded(windows)
     for count in (since, *(round(part * rows) for part in PARTS)):
         newest = newest_rows(windows, min(count, ROWS))

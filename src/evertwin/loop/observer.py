@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -191,7 +192,8 @@ class Observer:
             measured = int(np.isfinite(trace["measured"]).any(axis=1).sum())
         failed = state.live.track.failed(self.events)
         said = headline(driver.setup, outputs, told, self.events, trial, measured)
-        said = unless_at_rest(said, still=at_rest(trace))
+        still = at_rest(trace)
+        said = unless_at_rest(said, still=still)
         said = failed_first(" ".join(filter(None, (unjudged(driver.setup, trace), said))), failed)
         pinned = state.agenda.pinned
         return RunResult(
@@ -207,6 +209,7 @@ class Observer:
             headline=also_pinned(said, champion.number, pinned=pinned), pinned=pinned,
             faults=wrong(driver.setup, outputs, self.events),
             missed=missed(outputs, driver.setup.requirement), asked=limits(driver.setup, outputs),
+            judged=judged(outputs, self.events, still=still),
             relative=self.setup.relative or not self.setup.decides, failed=failed,
         )  # fmt: skip
 
@@ -232,6 +235,15 @@ def succeeded(
         if event.kind == "promoted" and event.evidence.get("version") == champion.number:
             before = event.evidence.get("replaced", before)
     return (champion,) if before is None else (champion, versions[before])
+
+
+def judged(
+    outputs: Mapping[str, OutputFigures], events: Sequence[Event], *, still: bool
+) -> bool:  # fmt: skip
+    """Was an output that moved held against what is asked, or did a version go live, since which
+    there may be no row yet?"""
+    held = any(not math.isnan(f.judged) for f in outputs.values()) and not still
+    return held or any(event.kind == "promoted" for event in events)
 
 
 def missed(outputs: Mapping[str, OutputFigures], limit: float) -> tuple[str, ...]:

@@ -25,6 +25,7 @@ from evertwin.outcome.nothing_better import CLEAR, nothing_better, of_a_sensor, 
 from evertwin.outcome.open_faults import open_faults
 from evertwin.outcome.open_trial import OpenTrial, shorter
 from evertwin.outcome.result import OutputFigures
+from evertwin.outcome.unjudged import none_judged
 from evertwin.rows.ring import called
 from evertwin.setup.setup import Setup
 from evertwin.signals.spoken import both, share, spoken
@@ -69,7 +70,7 @@ def headline(
             "tells how much better it is."
         )
     else:
-        outcome = f"Nothing was predicted: {_why_none(measured)}."
+        outcome = none_judged(setup, measured, SHORT)
     turns = [{e.evidence["first"], e.evidence["second"]} for e in _last(events, "alternates")]
     back = () if {champion.number} <= set().union(*turns) else went_back(events, champion.number)
     told = [*faults.values(), outcome, *back]
@@ -169,15 +170,6 @@ def first_of_rows(told: str, left_out: Sequence[Tally]) -> str:
     return told
 
 
-def _why_none(measured: int) -> str:
-    if not measured:
-        return "no output has a measurement to be compared with"
-    if measured < SHORT:
-        rows = f"{measured} row{'s are' if measured > 1 else ' is'}"
-        return f"{rows} too few, for filters and predictions need some before they begin"
-    return "no row has all its inputs, and a measurement that counts (evertwin doctor says why)"
-
-
 def _end(events: Sequence[Event], measured: int) -> int:
     """Rows that came, as far as is known."""
     return max(measured, events[-1].row if events else 0)
@@ -259,7 +251,8 @@ def _outcome(
         return f"The twin does not fit its machine: {_off(setup, off)}{lead}, and {found}."
     if math.isfinite(setup.requirement) and all(math.isnan(f.judged) for f in known.values()):
         lead = lead.replace(" while it moves", " at rest")
-        return f"Nothing moved, so whether the twin fits cannot be told: {now}{lead}."
+        why = "".join(f" {_sentence(event)}" for event in _last(events, "not_judged"))
+        return f"Nothing moved, so whether the twin fits cannot be told: {now}{lead}.{why}"
     passed = trial is None and all(f.held for f in known.values()) and not of_a_sensor(events)
     until = _end(events, measured) - NEWEST * setup.enough if passed else -1
     return _calm(known, (versions[0], events, until), (now, lead, asked, found))
@@ -378,7 +371,7 @@ def _pairs(setup: Setup, some: Mapping[str, OutputFigures]) -> str:
 def _sizes(some: Mapping[str, OutputFigures], *off: str, shares: bool = False) -> str:
     """Sizes, with the words between a name and its size; ``shares``: as judged in % too."""
     if len(some) > FEW:
-        most = _range([f.relative_rms_moving_after for f in some.values()])
+        most = _range([f.relative for f in some.values()])
         return " ".join((_span(some), *(f"are {word}" for word in off), f"by {most} of their size"))
     verb = "".join(f"is {word} " for word in off)
     return ", ".join(

@@ -97,6 +97,12 @@ class OutputFigures:
         """The same, of the last champion."""
         return self.rms_after if math.isnan(self.rms_moving_after) else self.rms_moving_after
 
+    @property
+    def relative(self) -> float:
+        """The same, by the rms of what was measured there."""
+        moving = self.relative_rms_moving_after
+        return self.relative_rms_after if math.isnan(moving) else moving
+
 
 @dataclass(frozen=True)
 class RunResult:
@@ -148,6 +154,8 @@ class RunResult:
     """Outputs that are off by more than is asked, and not on one stretch alone that is over."""
     asked: Mapping[str, float] = field(default_factory=dict)
     """What each output that is judged may be off by, in its unit."""
+    judged: bool = True
+    """Was anything that moved held against what is asked, or a version by which to go on live?"""
     relative: bool = True
     """Are outputs held to a share of their size?"""
     pinned: bool = False

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
 
+from evertwin.models import hidden_of, observed
 from evertwin.rows.channels import is_measured
 from evertwin.setup.setup import Setup
 from evertwin.types import Bools, Vector
@@ -46,6 +48,28 @@ def unjudged(setup: Setup, trace: Mapping[str, np.ndarray]) -> str:
             part = f"in {100 * share:.0f} % of the rows (row {first} to {last})"
             said.append(f"{text.format(', '.join(names))} {part if share < 1.0 else 'in any row'}.")
     return " ".join(said)
+
+
+def none_judged(setup: Setup, measured: int, short: int) -> str:
+    """Why no output has a figure, of so many rows that measure one; ``short``: too few of them."""
+    said = "Nothing was predicted"
+    if not measured:
+        return f"{said}: no output has a measurement to be compared with."
+    if measured < short:
+        rows = f"{measured} row{'s are' if measured > 1 else ' is'}"
+        return f"{said}: {rows} too few, for filters and predictions need some before they begin."
+    if hidden := hidden_of(observed(setup.model)):
+        names = ", ".join(setup.model.states.names[k] for k in hidden)
+        ends = "never ends" if math.isinf(setup.horizon) else f"takes {setup.horizon:g} s"
+        return (
+            f"Nothing was judged: by the first prediction behind a start what nothing measures "
+            f"({names}) is estimated, and it {ends}: set [prediction] horizon to how far ahead "
+            "the twin is to be right."
+        )
+    return (
+        f"{said}: no row has all its inputs, and a measurement that counts (evertwin doctor says "
+        "why)."
+    )
 
 
 def at_rest(trace: Mapping[str, np.ndarray]) -> bool:

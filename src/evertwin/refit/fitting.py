@@ -16,6 +16,7 @@ import numpy as np
 
 from evertwin.anomaly.verdict import branch
 from evertwin.engine import Engine
+from evertwin.errors import TooFew
 from evertwin.fold import Block, Mark, Windows
 from evertwin.gauges.read_otherwise import read_otherwise
 from evertwin.gauges.turned import Numbered
@@ -134,8 +135,23 @@ def tune(
     setup: Setup, versions: Versions, number: int, train: Data, watch: Watch | None = None,
     engine: Engine | None = None,
 ) -> Tuned:  # fmt: skip
-    """Version ``number``, tuned on ``train``; differences in the engine's processes, if any."""
-    feed, version, base = Feed(setup.spec, setup.model), versions[number], versions.model(number)
+    """Version ``number``, tuned on ``train``; differences in the engine's processes, if any.
+
+    Raises:
+        TooFew: too little can be used of it, and what was wrong with the rest.
+    """
+    feed = Feed(setup.spec, setup.model)
+    try:
+        return _tuned(setup, versions, number, (train, feed), watch, engine)
+    except TooFew as error:
+        raise TooFew(feed.why(str(error))) from error
+
+
+def _tuned(
+    setup: Setup, versions: Versions, number: int, data: tuple[Data, Feed], watch: Watch | None,
+    engine: Engine | None,
+) -> Tuned:  # fmt: skip
+    (train, feed), version, base = data, versions[number], versions.model(number)
     problem, seen, trusted = posed(setup, versions, number, feed.several(train))
     tasks = seen.rows
     before, windows = led(setup, train, problem.windows)

@@ -22,7 +22,7 @@ from evertwin.models import Model
 from evertwin.rows.alignment import Alignment
 from evertwin.rows.crop import cropped
 from evertwin.rows.given import COLUMNS, Given, given, unknown
-from evertwin.rows.time_scale import doubt
+from evertwin.rows.time_scale import doubt, would_fit
 from evertwin.sources.in_memory import Frame, in_memory
 from evertwin.sources.merging import Excerpt, each_once, merge
 from evertwin.sources.recorded import Recorded
@@ -148,10 +148,11 @@ class Feed:
         """A grid that is far finer than the samples of a source is a wrong unit of time; so may be
         whole numbers that the twin is too short for."""
         tally = self.tallies[chunk.source]
-        if tally.whole[0]:
-            tally.doubt = doubt(*tally.whole, self.spec.prediction.horizon, self.model)
+        step, unit, likely = tally.advance
+        if step:
+            tally.doubt = doubt(step, unit, self.spec.prediction.horizon, self.model, likely=likely)
             tally.suspect(tally.doubt)
-            tally.whole = (0.0, "s")
+            tally.advance = (0.0, unit, likely)
         rate = self.spec.clock.rate
         if rate is None or len(chunk.t) < ENOUGH:
             return
@@ -159,8 +160,8 @@ class Feed:
         if apart * rate > FINER:
             raise DataError(
                 f"{chunk.source}: a sample every {apart:.4g} s would become {apart * rate:,.0f} "
-                f"rows at {rate:g} Hz: is the unit of its time right ([[source]] time), and "
-                "[clock] rate?"
+                f"rows at {rate:g} Hz: is the unit of its time right ([[source]] time"
+                f"{would_fit(apart * rate, unit)}), and [clock] rate?"
             )
 
     def brings(self, data: Data = None) -> tuple[Brings, ...]:

@@ -4,6 +4,7 @@ Whole numbers that advance by 20 a row may be seconds, or milliseconds that are 
 file alone cannot say it. The twin can: rows that are further apart than predictions reach ahead,
 or, where no horizon is set, than the model's states remember by far, are no rows of this machine.
 Rows of one a second or one a minute are none the less, where the horizon or the states last longer.
+Where the file states the unit, or stamps have decimals, only a far shorter horizon is held against.
 
 >>> from evertwin.machines.mobile import Robot1D
 >>> doubt(20.0, "s", 0.5, Robot1D())[:60]
@@ -23,20 +24,24 @@ from evertwin.sources.stamps import UNITS, seconds_of
 
 FORGOTTEN = 5.0
 """Time constants after which a state has forgotten where it was."""
+FARTHER = 10.0
+"""Horizons by which rows are apart, at least, where their unit is likely."""
 STATES = 20
 """Of a model with more of them no time constant is sought."""
 SMALLEST = 1e-6
 """Part of a change that is left after a thousandth of a row: below, a state jumps, as at rest."""
 
 
-def doubt(step: float, unit: str, horizon: float, model: Model) -> str:
+def doubt(step: float, unit: str, horizon: float, model: Model, *, likely: bool = False) -> str:
     """The question whether stamps are in the unit that they are read in; empty where none is open.
 
     Args:
-        step: what whole stamps advance by from row to row, in ``unit``.
+        step: what stamps advance by from row to row, in ``unit``.
         unit: what they are read in.
         horizon: how far ahead predictions are [s]; infinite: nobody says.
         model: what predicts.
+        likely: the file states a unit, or stamps have decimals: only a horizon that is far shorter,
+            which somebody stated as well, is held against that.
     """
     seconds = step * (seconds_of(unit) or 0.0)
     if (
@@ -45,17 +50,34 @@ def doubt(step: float, unit: str, horizon: float, model: Model) -> str:
         return ""
     if math.isfinite(horizon):
         limit, said = horizon, f"predictions are {horizon:.3g} s ahead"
+    elif likely:
+        return ""
     else:
         memory = remembers(model, seconds / 1000)
         limit, said = FORGOTTEN * memory, f"the model's states remember {memory:.2g} s"
     finer = [one for one, power in UNITS.items() if power < UNITS.get(unit, 0)]
     fits = [one for one in finer if step * (seconds_of(one) or 0.0) <= limit]
-    if seconds <= limit or not fits:
+    if seconds <= (FARTHER if likely else 1.0) * limit or not fits:
         return ""
+    numbers = "whole numbers" if step.is_integer() else "numbers"
     return (
-        f"rows come every {seconds:.4g} s, and {said}: are the stamps {fits[0]} (whole numbers "
+        f"rows come every {seconds:.4g} s, and {said}: are the stamps {fits[0]} ({numbers} "
         f"that advance by {step:g}), read as {unit}? Then set time = {{ unit = '{fits[0]}' }}"
     )
+
+
+def would_fit(long: float, unit: str) -> str:
+    """What to set where samples are ``long`` times as far apart as they should be, if a finer unit
+    brings them within a factor of thirty; else empty.
+
+    >>> would_fit(1000.0, "s"), would_fit(500.0, "ms"), would_fit(1e5, "iso")
+    (': ms, read as s?', ': us, read as ms?', '')
+    """
+    power = 3 * round(math.log10(long) / 3)
+    for one, finer in UNITS.items():
+        if power > 0 and UNITS.get(unit, 0) - finer == power:
+            return f": {one}, read as {unit}?"
+    return ""
 
 
 def remembers(model: Model, dt: float) -> float:

@@ -62,8 +62,11 @@ NO_RETURN = 81.8
 SHARED = (100.0, 240.0, 270.0, 360.0)
 """What beams may share besides half a turn [°]."""
 MANY, NEIGHBOURS = 30, 0.9
-"""Scans from which on two beams are neighbours: where the logarithms of their ranges have this
+"""Scans from which on two beams are neighbours: where the ranks of their ranges have this
 correlation."""
+FLAT = 1.1
+"""Ratio of the longest ranges of a scan and the shortest, without the rarest twentieths, up to
+which it shows nothing: a lidar that is covered."""
 
 
 class _Scan(NamedTuple):
@@ -312,11 +315,20 @@ def _assumed(name: str, ranges: np.ndarray) -> tuple[float, str]:
 
 
 def _all_around(ranges: np.ndarray) -> bool:
-    """Are the first beam and the last neighbours, scan for scan?"""
-    both = np.log(ranges[:, [0, -1]][np.isfinite(ranges[:, [0, -1]]).all(axis=1)])
-    if len(both) < MANY or not (both.std(axis=0) > 0).all():
+    """Are the first beam and the last neighbours, scan for scan? By ranks, and without scans that
+    show nothing: a few of a covered lidar would say so of any two beams."""
+    known = ranges[np.isfinite(ranges[:, [0, -1]]).all(axis=1)]
+    short, long = np.nanquantile(known, [0.05, 0.95], axis=1) if len(known) else known.T[:2]
+    ends = known[long > FLAT * short][:, [0, -1]]
+    if len(ends) < MANY or not (ends.std(axis=0) > 0).all():
         return False
-    return bool(np.corrcoef(both.T)[0, 1] > NEIGHBOURS)
+    return bool(np.corrcoef([_ranks(beam) for beam in ends.T])[0, 1] > NEIGHBOURS)
+
+
+def _ranks(values: np.ndarray) -> np.ndarray:
+    """Places in order; equal ones share the mean of theirs."""
+    _, place, count = np.unique(values, return_inverse=True, return_counts=True)
+    return (np.cumsum(count) - 0.5 * count)[place]
 
 
 def _clock(raw: Stamps, kept: np.ndarray) -> Iterator[str]:

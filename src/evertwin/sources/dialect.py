@@ -97,11 +97,29 @@ def read_headings(lines: Sequence[Sequence[str]]) -> Headings:
     below = [tuple(line) for line in lines[1:]]
     at = _units(below)
     units = tuple(_UNIT.sub(r"\1", unit) for unit in below.pop(at)) if at is not None else ()
-    names = tuple(lines[0])
+    names = _joined(lines[0], below)
     also = tuple(
         tuple(line[j] for line in below if j < len(line) and line[j]) for j in range(len(names))
     )
     return Headings(names, units, also if below else ())
+
+
+def _joined(first: Sequence[str], below: Sequence[Sequence[str]]) -> tuple[str, ...]:
+    """The first line; names that repeat are told apart by the lines below, where these do.
+
+    >>> _joined(["t", "torque", "torque"], [["", "J1", "J2"]])
+    ('t', 'torque J1', 'torque J2')
+    """
+    names = tuple(first)
+    for line in below:
+        again = {name for name in names if name and names.count(name) > 1}
+        cells = (*line, *[""] * len(names))
+        told = tuple(
+            f"{name} {cell}" if name in again and cell else name
+            for name, cell in zip(names, cells, strict=False)
+        )
+        names = told if len(set(told)) > len(set(names)) else names
+    return names
 
 
 _UNIT = re.compile(r"^[\[(](.*)[\])]$")

@@ -35,7 +35,7 @@ from evertwin.sources.guard import Guarded, Piece, Watch, typical
 from evertwin.sources.names import closest
 from evertwin.sources.recording import open_recording
 from evertwin.sources.spec import SourceSpec
-from evertwin.sources.stamps import NO_STAMP, StampError, past_midnight, to_ns, zones
+from evertwin.sources.stamps import NO_STAMP, StampError, is_decimal, past_midnight, to_ns, zones
 from evertwin.sources.table import Column, Problem, Recording, Rows, Table
 from evertwin.sources.tally import Tally, order_of_rows, unit_of_channel, unit_of_time
 from evertwin.sources.time_unit import TimeGuess, guess, time_column, told
@@ -187,8 +187,11 @@ class Recorded:
     def _suspect(self, top: _Top) -> None:
         """What is probably wrong, where it is evident or rows fell away."""
         lost = self.tally.share > self.tally.limit
-        if top.looks is not None:
-            self.tally.suspect(unit_of_time(top.looks, top.unit, lost=lost))
+        looks = top.sized if lost and top.beyond else top.looks
+        said = "" if looks is None else unit_of_time(looks, top.unit, lost=lost)
+        if said and self.tally.doubt in self.tally.suspicions:  # what was asked is known now
+            self.tally.suspicions.remove(self.tally.doubt)
+        self.tally.suspect(said)
         if lost:
             self.tally.suspect(order_of_rows(top.t))
 
@@ -254,8 +257,10 @@ class Recorded:
                 continue
             if time is not None and not top.unit:
                 top.looks = guess(time.name, rows.time[:1000], time.unit)
+                top.sized = guess("", rows.time[:1000])
                 top.unit = _unit(table, time, rows, self.clock.unit)
-                self.tally.whole = top.looks.step, top.unit
+                step, stated = top.looks.step, top.looks.stated
+                self.tally.advance = step, top.unit, stated or not step.is_integer()
                 dates = top.unit in ORDERS and rows.time.dtype.kind == "S"
                 self.tally.local |= dates and zones(rows.time) == {False}
             t = self._stamps(table, time, rows, top)
@@ -273,6 +278,8 @@ class Recorded:
         except StampError as error:
             where = f"{table.path.name}:{rows.line[error.position]}: column {time.name!r}"
             raise DataError(f"{where}: {error}") from None
+        if is_decimal(top.unit) and (none := t == NO_STAMP).any():
+            top.beyond |= bool((to_ns(rows.time[none], "ns") != NO_STAMP).any())
         if top.unit == "clock":
             t = past_midnight(t, top.last)
             top.last = int(t.max())
@@ -303,6 +310,10 @@ class _Top:
     """What the stamps are read in."""
     looks: TimeGuess | None = None
     """What they look like."""
+    sized: TimeGuess | None = None
+    """What they look like by their numbers alone, whatever the file says."""
+    beyond: bool = False
+    """Are there stamps that only a finer unit could hold?"""
     t: Stamps = field(default_factory=lambda: np.zeros(0, np.int64))
     last: int = NO_STAMP
     """The stamp that the piece before ended with."""

@@ -193,7 +193,7 @@ def _has(content: Any, path: str) -> bool:
 def _yaw(cells: Mapping[str, float], name: str) -> float:
     """About the vertical axis [rad], of the quaternion beside."""
     prefix = name.removesuffix("yaw")
-    x, y, z, w = (cells[f"{prefix}{axis}"] for axis in "xyzw")
+    x, y, z, w = (cells.get(f"{prefix}{axis}", 0.0) for axis in "xyzw")
     return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
 
@@ -229,7 +229,8 @@ def flat(message: Any, prefix: str = "", depth: int = 0) -> Iterator[tuple[str, 
             yield from _array(path, value, names, depth) if len(value) <= WIDEST else ()
         else:
             yield from ((path, number) for number in _numbers([value]))
-    turn = _numbers(members.get(axis) for axis in "xyzw")
+    flat_turn = members.keys() == {"z", "w"}  # JSON may leave zeros out
+    turn = _numbers(members.get(axis, 0.0 if flat_turn else None) for axis in "xyzw")
     if turn:
         yield f"{prefix}yaw", _yaw(dict(zip("xyzw", turn, strict=True)), "yaw")
 

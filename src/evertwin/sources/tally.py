@@ -65,9 +65,9 @@ class Tally:
     """Are its dates without a zone, those of a clock on a wall?"""
     suspicions: list[str] = field(default_factory=list)
     """What is probably wrong, such as the unit of time, with the factor."""
-    whole: tuple[float, str] = (0.0, "s")
-    """What its stamps advance by where they are whole numbers, else 0, and what they are read
-    in."""
+    advance: tuple[float, str, bool] = field(default=(0.0, "s", False), compare=False)
+    """What its stamps advance by, what they are read in, and whether that is likely: the file
+    states a unit, or they have decimals."""
     doubt: str = ""
     """The suspicion that is of all rows, those that were used above all."""
     notes: list[str] = field(default_factory=list)

@@ -68,12 +68,17 @@ class TimeGuess(NamedTuple):
     reason: str
     sure: bool
     step: float = 0.0
-    """What whole numbers that are counted from anywhere advance by a row; 0: they are none."""
+    """What numbers that are counted from anywhere advance by a row; 0: they are none."""
+
+    @property
+    def stated(self) -> bool:
+        """Whether the file says it."""
+        return self.reason == _STATED
 
     @property
     def evident(self) -> bool:
         """Whether the file says it, or the years since 1970 do."""
-        return self.reason in (_STATED, EPOCH)
+        return self.stated or self.reason == EPOCH
 
 
 def guess(heading: str, raw: np.ndarray, stated: str = "") -> TimeGuess:
@@ -88,17 +93,20 @@ def guess(heading: str, raw: np.ndarray, stated: str = "") -> TimeGuess:
         return TimeGuess("iso", "calendar stamps" if raw.dtype.kind == "M" else "durations", True)
     if raw.dtype.kind == "S" and any(is_date(cell) for cell in _texts(raw)):
         return _dated(raw)
+    if raw.dtype.kind == "S":
+        raw = raw[np.array([_NUMBER.match(cell) is not None for cell in raw.tolist()], np.bool_)]
+    found = TimeGuess("s", "no stamp to tell it by", False)
+    for whole in (True,) if _whole(raw) else (False, True):  # far too large for s: decimals aside
+        stamps = to_ns(raw, "ns" if whole else "s")
+        stamps = stamps[stamps != NO_STAMP]
+        if len(stamps):
+            found = _by_size(stamps, whole)
+            break
     words = {stated.lower(), *re.split(r"[^a-zµ]+", heading.lower())}
     for unit, hints in _HINTS.items():
         if words & hints:
-            return TimeGuess(unit, _STATED, True)
-    if raw.dtype.kind == "S":
-        raw = raw[np.array([_NUMBER.match(cell) is not None for cell in raw.tolist()], np.bool_)]
-    stamps = to_ns(raw, "ns" if _whole(raw) else "s")
-    stamps = stamps[stamps != NO_STAMP]
-    if len(stamps) == 0:
-        return TimeGuess("s", "no stamp to tell it by", False)
-    return _by_size(stamps, _whole(raw))
+            return TimeGuess(unit, _STATED, True, found.step)
+    return found
 
 
 def told(table: Table, time: Column, raw: np.ndarray) -> TimeGuess:
@@ -150,7 +158,7 @@ def _by_size(stamps: np.ndarray, whole: bool) -> TimeGuess:
         unit = "ms" if step < 1e4 else "us" if step < 1e6 else "ns"
         unit = "s" if step <= 3600 and step % 60 == 0 else unit  # nobody samples each 60 ms
         return TimeGuess(unit, f"whole numbers that advance by {step:g} a row", False, step)
-    return TimeGuess("s", f"advances by {step:g} a row", True, step if whole else 0.0)
+    return TimeGuess("s", f"advances by {step:g} a row", True, step)
 
 
 NAMES = ("t", "time", "timestamp", "stamp", "times", "datetime", "date", "zeit", "seconds", "secs")

@@ -21,6 +21,7 @@ from evertwin.starter.proposal import ASK, Answer, Derivation, Match
 from evertwin.starter.relations import CLEAR, Relation, derivative
 from evertwin.starter.seen import Seen
 from evertwin.starter.words import quantity, role, words
+from evertwin.types import Float64
 
 _WANTED = {
     "q": ("position",), "qd": ("velocity",), "qdd": ("acceleration",), "tau": ("torque", "force"),
@@ -28,13 +29,15 @@ _WANTED = {
 """Of a joint that slides the effort is a force."""
 LONGEST = 5.0
 """Way of a slide of an arm [m]: one that goes farther is told in mm."""
+LITTLE = 0.01
+"""Part of the largest motion among the joints below which one rests."""
 _TURN = 180.0 / np.pi
 
 
 class Group(NamedTuple):
     """A family of a table, and what its headings say.
 
-    >>> Group(0, ("q_0",), "position", "").quantity
+    >>> Group(0, ("q_0",), "position", "", "q_#").quantity
     'position'
     """
 
@@ -42,6 +45,8 @@ class Group(NamedTuple):
     columns: tuple[str, ...]
     quantity: str
     role: str
+    stem: str
+    """Of its headings; empty where there are none."""
 
 
 class Found(NamedTuple):
@@ -72,6 +77,13 @@ def of_arm(channels: Sequence[Channel], joints: Sequence[str], seen: Sequence[Se
     return Found(tuple(matches), tuple(derivations))
 
 
+def bare_joints(seen: Sequence[Seen], count: int) -> bool:
+    """Do columns without headings hold so many angles, their speeds, and an effort of each?"""
+    joints = [f"joint {i}" for i in range(count)]
+    chosen = _Look(tuple(seen), tuple(g for g in _groups(seen, joints) if not g.stem)).chosen()
+    return {"q", "qd", "tau"} <= chosen.keys()
+
+
 def _groups(seen: Sequence[Seen], joints: Sequence[str]) -> tuple[Group, ...]:
     found = []
     for s, one in enumerate(seen):
@@ -83,7 +95,7 @@ def _groups(seen: Sequence[Seen], joints: Sequence[str]) -> tuple[Group, ...]:
                 continue
             said = words(family.stem)
             what = quantity(said, known[columns[0]].unit) or quantity(words(one.theme))
-            found.append(Group(s, columns, what, role([*words(one.theme), *said])))
+            found.append(Group(s, columns, what, role([*words(one.theme), *said]), family.stem))
     return tuple(found)
 
 
@@ -128,26 +140,42 @@ class _Look:
         else:
             if nameless and "tau" in out:  # one family beside the torques can be but the angles
                 out["q"] = nameless[0]
-        more = [b for a, b in pairs if a is out.get("qd") and b not in out.values()]
+        more = [
+            b for a, b in pairs
+            if a is out.get("qd") and b not in out.values() and self._in_its_unit(a, b)
+        ]  # fmt: skip
         if more and "qdd" not in out:
             out["qdd"] = more[0]
 
     def follows(self, a: Group, b: Group) -> bool:
         """Is ``b`` the derivative of ``a``, for most of the joints that move?"""
-        found = [r for r in self.relations(a, b) if r is not None]
+        found = self._moving(a, b)
         return bool(found) and float(np.median([r.correlation for r in found])) >= CLEAR
+
+    def _in_its_unit(self, a: Group, b: Group) -> bool:
+        """Is ``b`` what ``a`` changes by? A torque goes as the change of a speed, not by one."""
+        factors = [r.factor for r in self._moving(a, b) if r.clear]
+        return bool(factors) and abs(float(np.median(factors)) - 1.0) < 0.1
+
+    def _moving(self, a: Group, b: Group) -> list[Relation]:
+        """Of the joints that do not rest beside the others' motion."""
+        sizes = [np.nanstd(self._rows(group), axis=0) for group in (a, b)]
+        moves = np.all([size > LITTLE * size.max() for size in sizes], axis=0)
+        found = self.relations(a, b)
+        return [r for r, on in zip(found, moves, strict=bool(found)) if on and r is not None]
 
     def relations(self, a: Group, b: Group) -> list[Relation | None]:
         """`derivative` of each joint; None where it does not move, or they share no clock."""
         if a.source != b.source:
             return []
-        one, out = self.seen[a.source], list[Relation | None]()
+        t, of, by = self.seen[a.source].t, self._rows(a), self._rows(b)
+        moves = (np.nanstd(of, axis=0) > 0) & (np.nanstd(by, axis=0) > 0)
+        return [derivative(t, of[:, j], by[:, j]) if on else None for j, on in enumerate(moves)]
+
+    def _rows(self, group: Group) -> Float64[np.ndarray, "n joints"]:
+        one = self.seen[group.source]
         place = {column.name: i for i, column in enumerate(one.columns)}
-        for first, second in zip(a.columns, b.columns, strict=True):
-            of, by = one.rows[:, place[first]], one.rows[:, place[second]]
-            moves = np.nanstd(of) > 0 and np.nanstd(by) > 0
-            out.append(derivative(one.t, of, by) if moves else None)
-        return out
+        return one.rows[:, [place[name] for name in group.columns]]
 
     def match(
         self, channel: str, wanted: str, name: str, chosen: Mapping[str, Group], j: int

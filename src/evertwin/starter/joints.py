@@ -1,7 +1,8 @@
 """Joints of an arm that nobody describes: as many as there are angles with an effort beside them.
 
 Headings that differ in one number alone (``AxisAct_A1 [°]`` … ``AxisAct_A5``, ``actual_q_0`` …)
-say an angle and what turns it of each joint. Of so many the bodies cannot be guessed: a URDF or a
+say an angle and what turns it of each joint; without headings numbers say it, where one block of
+columns is what another changes by. Of so many the bodies cannot be guessed: a URDF or a
 Denavit-Hartenberg table says them.
 """
 
@@ -11,6 +12,7 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
+from evertwin.starter.arm import bare_joints
 from evertwin.starter.families import families
 from evertwin.starter.seen import Seen
 from evertwin.starter.words import quantity, role, words
@@ -25,6 +27,8 @@ def joints_of(seen: Sequence[Seen]) -> int:
     for count in range(MOST, LEAST - 1, -1):
         found = [_quantities(one, count) for one in seen]
         if any("position" in what and _EFFORTS & what for what in found):
+            return count
+        if bare_joints(seen, count):
             return count
     return 0
 

@@ -86,10 +86,20 @@ def test_meshes_are_not_read_and_it_is_said() -> None:
     assert parse(text()).notes == ()
 
 
-def test_moving_links_need_mass() -> None:
-    robot = parse(text(link='<link name="tip"/>', joint=joint("free", "rod", "tip")))
+def test_moving_links_need_mass_but_the_last() -> None:
+    """A flange is often a mere frame that turns."""
+    last = text(link='<link name="tip"/>', joint=joint("free", "rod", "tip"))
+    chain = serial(parse(last))
+    assert not chain.inertia[10:].any() and chain.inertia[0] > 0.0
+    assert chain.notes == (
+        "link 'tip' moves and has no mass: taken as zero, as it is the last one",
+    )
+    hand = f'<link name="hand">{INERTIAL.format(mass="1", ixx="0.1", izz="0.1")}</link>'
+    carries = last.replace("</robot>", hand + joint("wrist", "tip", "hand") + "</robot>")
     with pytest.raises(ModelError, match="link 'tip' moves and has no mass"):
-        serial(robot)
+        serial(parse(carries))
+    glued = last.replace("</robot>", hand + joint("glue", "tip", "hand", "fixed") + "</robot>")
+    assert serial(parse(glued)).notes == ()
 
 
 def test_a_branch_asks_for_the_tip() -> None:

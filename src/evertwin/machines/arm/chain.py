@@ -126,7 +126,8 @@ def serial(
     """The chain from the robot's root to ``tip``.
 
     Raises:
-        ModelError: no or too many moving joints, a moving branch, a moving link without mass.
+        ModelError: no or too many moving joints, a moving branch, a moving link without mass that
+            carries others: of the last it is taken as zero, as of a flange, and noted.
     """
     children: dict[str, list[Joint]] = {}
     for joint in robot.joints:
@@ -136,7 +137,7 @@ def serial(
     if not 0 < len(moving) <= JOINTS:
         raise ModelError(f"{robot.name}: expected 1 to {JOINTS} moving joints, got {len(moving)}")
     on = {joint.name for joint in moving}
-    reals, bodies = list(gravity), []
+    reals, bodies, notes = list(gravity), [], robot.notes
     frame = np.eye(4)
     for joint in path:
         frame = frame @ _frame(joint.rotation, joint.position)
@@ -147,14 +148,15 @@ def serial(
         reals += [*here.ravel(), *frame[:3, 3], float(joint.kind == "prismatic")]
         body = moved(_body(robot, joint.child, on, children), turn.T, np.zeros(3))
         if not body[0] > 0.0:
-            raise ModelError(
-                f"{robot.name}: link '{joint.child}' moves and has no mass: add its <inertial>"
-            )
+            said = f"link '{joint.child}' moves and has no mass"
+            if joint is not moving[-1]:
+                raise ModelError(f"{robot.name}: {said}: add its <inertial>")
+            notes += (f"{said}: taken as zero, as it is the last one",)
         # What is zero but for rounding is zero: it has no size of its own.
         bodies.append(np.where(np.abs(body) < 1e-12 * np.abs(body).max(), 0.0, body))
         frame = _frame(turn.T, np.zeros(3))
     return Chain(
         tuple(j.name for j in moving), tuple(j.child for j in moving), np.array(reals),
         np.concatenate(bodies), frame, tuple((j.low, j.high, j.speed) for j in moving),
-        tuple(j.kind == "prismatic" for j in moving), tuple(j.effort for j in moving), robot.notes,
+        tuple(j.kind == "prismatic" for j in moving), tuple(j.effort for j in moving), notes,
     )  # fmt: skip

@@ -48,7 +48,7 @@ def main(arguments: list[str] | None = None) -> None:
     machine = machine_of(given)
     kept = [one for several in samples_of(given, machine) for one in several]
     if given.machine == "robot" and given.record.suffix == ".mcap":
-        start = given.start or 0.0
+        start = given.start or 1.0  # in ROS a stamp of zero is none
         if isinstance(machine, LiveRobot) and given.camera:
             shots = [(round((start + t) * 1e9), one) for t, one in machine.shots]
             save_rows(given.record.with_name(f"{given.record.stem}-objects.csv"), shots)

@@ -65,7 +65,7 @@ def said(topic: str, t: float, values: Values) -> tuple[str, Content]:
 
 def turned(heading: float) -> Content:
     """A heading as a quaternion."""
-    return {"z": math.sin(heading / 2), "w": math.cos(heading / 2)}
+    return {"x": 0.0, "y": 0.0, "z": math.sin(heading / 2), "w": math.cos(heading / 2)}
 
 
 def _header(t: float, frame: str) -> Content:
@@ -124,7 +124,7 @@ def mounted() -> Content:
     """Where the sensors are on the base."""
     return {"transforms": [
         {"header": {"frame_id": "base_link"}, "child_frame_id": name,
-         "transform": {"translation": {"z": height}, "rotation": {"w": 1.0}}}
+         "transform": {"translation": {"z": height}, "rotation": turned(0.0)}}
         for name, height in MOUNTED.items()
     ]}  # fmt: skip
 

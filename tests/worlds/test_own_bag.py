@@ -1,0 +1,49 @@
+"""A bag that the embedded robot wrote is read by its twin file, and by `init`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from evertwin import Twin
+from evertwin.app.starting import write_starter
+from evertwin.config import read
+from evertwin.sources.ros_messages import flat
+from evertwin.worlds.live.recorder import main as record
+
+TWIN = Path(__file__).parents[2] / "twins" / "robot_ros.toml"
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("bag") / "robot.mcap"
+    record(["robot", "--seconds", "40", "--record", str(file)])
+    return file
+
+
+def test_a_recorded_robot_runs_by_its_twin_file(bag: Path) -> None:
+    with Twin.open(TWIN) as twin:
+        result = twin.run(bag)
+    assert result.samples == 40 and not result.left_out
+    assert np.isfinite(result.outputs["heading"].rms_after)
+
+
+def test_a_recorded_robot_is_proposed_whole(bag: Path) -> None:
+    twin = bag.with_name("new.toml")
+    write_starter([bag], twin, ("", None), False, False)
+    spec = read(twin)
+    found = {name: c.column for one in spec.source for name, c in one.channels.items()}
+    assert found == {
+        "v": "/cmd_vel.linear.x", "w": "/cmd_vel.angular.z",
+        "x": "/amcl_pose.pose.pose.position.x", "y": "/amcl_pose.pose.pose.position.y",
+        "heading": "/amcl_pose.pose.pose.orientation.yaw",
+    }  # fmt: skip
+
+
+def test_a_turn_in_the_plane_may_leave_its_zeros_out() -> None:
+    short = dict(flat({"q": {"z": np.sin(0.3), "w": np.cos(0.3)}}))
+    assert short["q.yaw"] == pytest.approx(0.6)
+    for other in ({"z": 1.0}, {"w": 1.0}, {"x": 1.0, "z": 0.0, "w": 1.0}, {"z": 1, "w": 1, "h": 2}):
+        assert "q.yaw" not in dict(flat({"q": other}))
