@@ -1,9 +1,10 @@
-"""Compile the loops into Numba's cache, before several processes want the same ones at once.
+"""Compile the loops, and every module and test, before several processes want the same at once.
 
 python -m tools.compile_kernels
 
 Short tests that between them call nearly every loop run here, each loop as machine code from its
-first call. A loop that none of them calls is compiled where it is first worth it, as always.
+first call. A loop that none of them calls is compiled where it is first worth it, as always. All
+tests are collected: Python's code of each file, checked as tests have it, is then in its cache.
 """
 
 from __future__ import annotations
@@ -36,11 +37,24 @@ TESTS = (
 )
 
 
+class Short:
+    """Of all tests these alone run.
+
+    >>> Short.__name__
+    'Short'
+    """
+
+    @staticmethod
+    def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+        """Keeps them."""
+        items[:] = [item for item in items if item.nodeid.startswith(TESTS)]
+
+
 def main() -> int:
     """Exit code 0 if the tests pass."""
     os.environ["JAXTYPING_DISABLE"] = "1"
     functions.at_once()
-    return pytest.main(["-q", *TESTS])
+    return pytest.main(["-q"], plugins=[Short()])
 
 
 if __name__ == "__main__":

@@ -50,7 +50,7 @@ class Module:
         elif isinstance(node, ast.Assign) and self._imports(node.value):
             self.late |= {ast.unparse(target) for target in node.targets}
         elif isinstance(node, ast.Attribute):
-            self.attributes.add((ast.unparse(node.value), node.attr))
+            self.attributes.add((_dotted(node.value), node.attr))
         elif isinstance(node, ast.Constant) and isinstance(node.value, str):
             self.texts += re.findall(r"[\w.]+:\w+", node.value)
             imports = re.findall(r"from ([\w.]+) import (\w+)", node.value)
@@ -87,6 +87,14 @@ class Module:
             or (hands_on(f"{source}.{there}") and (here, name) in self.attributes)
             for here, source, there in self.imported
         ) or any(hands_on(text.split(":")[0]) and text.endswith(f":{name}") for text in self.texts)
+
+
+def _dotted(node: ast.AST) -> str:
+    """``a.b`` as it is written; empty for what is no name."""
+    if isinstance(node, ast.Attribute):
+        before = _dotted(node.value)
+        return before and f"{before}.{node.attr}"
+    return node.id if isinstance(node, ast.Name) else ""
 
 
 def modules(package: Path) -> Iterator[Module]:

@@ -118,19 +118,28 @@ class Function(_Written):
         self._per = slice(names.index(per), names.index(per) + 1) if per else slice(None)
         self._spent, self._rate, self._patience = 0.0, SLOW, 0.0
         self._ready: Callable[..., Any] | None = None
-        self._dispatcher: Any = None
+        self._dispatchers: dict[str, Any] = {}
 
     @property
     def compiled(self) -> Any:
         """Numba's dispatcher."""
+        return self._dispatcher("", no_cfunc_wrapper=True)
+
+    @property
+    def inner(self) -> Any:
+        """The same for other machine code alone: what Python would call it by takes as long."""
+        return self._dispatcher("_inner", no_cfunc_wrapper=True, no_cpython_wrapper=True)
+
+    def _dispatcher(self, named: str, **without: bool) -> Any:
         with _compiling_alone():
-            if self._dispatcher is None:
+            if named not in self._dispatchers:
                 import numba
 
                 source = _naming(self.py_func, _machine_code)
-                made = numba.njit(**self.options)(source)
-                self._dispatcher = self._cached(made, source)
-            return self._dispatcher
+                source.__qualname__ += named  # a file of its own in the cache
+                made = numba.njit(**self.options, **without)(source)
+                self._dispatchers[named] = self._cached(made, source)
+            return self._dispatchers[named]
 
     def __call__(self, *arguments: Any) -> Any:
         if self._ready is None:
@@ -289,7 +298,7 @@ def instead(machine_code: str) -> Callable[[Plain], Plain]:
 
 def _machine_code(it: Any) -> Any:
     if isinstance(it, Function):
-        return it.compiled
+        return it.inner
     name = getattr(it, "machine_code", None) if callable(it) else None
     if name is None:
         return it

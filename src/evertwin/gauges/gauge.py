@@ -149,14 +149,16 @@ def _plausible(rows: Rows, one: Reading, first: int, stop: int) -> bool:
     apart[max(first - NEAR, 0) : stop + NEAR] = False
     if np.count_nonzero(apart) < LEAST:
         return True
-    model = rows.setup.model
+    model, moved = rows.setup.model, one.moved
     angles = np.concatenate([model.inputs.angles, model.outputs.angles])
-    old, own = wrap(rows.values[apart], angles), wrap(rows.values[first:stop] * one.factors, angles)
-    new = own / one.factors
-    scale = np.nanstd(own, axis=0) < VARIES * np.nanstd(old, axis=0)
-    if (one.moved & scale & (one.shifts == 0.0) & (np.abs(one.factors) < 1.0)).any():
+    old = wrap(rows.values[:, moved][apart], angles[moved])
+    own = wrap(rows.values[first:stop] * one.factors, angles)
+    less = (moved & (one.shifts == 0.0) & (np.abs(one.factors) < 1.0))[moved]
+    spread, usual = np.nanstd(own[:, moved][:, less], axis=0), np.nanstd(old[:, less], axis=0)
+    if (spread < VARIES * usual).any():
         return False  # divided by enough anything is nothing
-    return not one.at_usual_levels(old, new) and one.lies_among(old, new)
+    new = own / one.factors
+    return one.lies_among(old, new) and not one.at_usual_levels(old, new)
 
 
 def _helps(rows: Rows, one: Reading, first: int = 0) -> bool:

@@ -113,25 +113,26 @@ class Reading(NamedTuple):
         return np.asarray(own[:, list(self.columns)] * self.factors + self.shifts)
 
     def at_usual_levels(
-        self, old: Float64[np.ndarray, "before c"], new: Float64[np.ndarray, "since c"]
+        self, old: Float64[np.ndarray, "before moved"], new: Float64[np.ndarray, "since c"]
     ) -> bool:
-        """Has a channel, of all inputs and outputs, only values that it had, or off and on? In
-        another unit a switched command would have others."""
-        moved = np.flatnonzero((self.factors != 1.0) | (self.shifts != 0.0))
-        kept = [np.isin(new[:, k], [*old[:, k], *SWITCH]).all() for k in moved]
-        return not self.exchanged and bool((self.factors > 0.0).all()) and any(kept)
+        """Has a channel that it moves only values that it had, or off and on? In another unit a
+        switched command would have others."""
+        if self.exchanged or (self.factors <= 0.0).any():
+            return False
+        sides = zip(old.T, new[:, self.moved].T, strict=True)
+        return any(np.isin(values, np.append(usual, SWITCH)).all() for usual, values in sides)
 
     def lies_among(
-        self, old: Float64[np.ndarray, "before c"], new: Float64[np.ndarray, "since c"]
+        self, old: Float64[np.ndarray, "before moved"], new: Float64[np.ndarray, "since c"]
     ) -> bool:
         """Read so, do the channels that it moves lie where they lay, by half a range at most?"""
         low, high = np.nanmin(old, axis=0), np.nanmax(old, axis=0)
-        room, usual = 0.5 * (high - low) + 1e-12, np.nanmedian(self.of(new), axis=0)
+        room, usual = 0.5 * (high - low) + 1e-12, np.nanmedian(self.of(new)[:, self.moved], axis=0)
         if self.exchanged:  # what hardly varied may have gone on
-            away = np.nanmedian(new, axis=0)
+            away = np.nanmedian(new[:, self.moved], axis=0)
             room = np.maximum(room, ASIDE * np.maximum(low - away, away - high))
         inside = (low - room <= usual) & (usual <= high + room)
-        return bool((inside | ~self.moved | ~np.isfinite(usual)).all())
+        return bool((inside | ~np.isfinite(usual)).all())
 
     def partly(self, share: float) -> Reading:
         """As much of it: 0 is as recorded, 1 all of it; of a factor alone its power."""
@@ -196,8 +197,8 @@ def misread(
         found, old = likeliest(setup, model, p, newest), values[:new]
         old = np.concatenate([_recorded(history), old]) if history else old
         if tuned is None and len(old) >= LEAST:  # what is recorded has a history
-            found = tuple(one for one in found if one.lies_among(old, values[new:]))
-        found = tuple(one for one in found if not one.at_usual_levels(old, values[new:]))
+            found = tuple(o for o in found if o.lies_among(old[:, o.moved], values[new:]))
+        found = tuple(o for o in found if not o.at_usual_levels(old[:, o.moved], values[new:]))
         if not found:
             continue
         left = _off(setup, model, p, [found[0].undone(one) for one in newest])

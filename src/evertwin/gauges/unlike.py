@@ -12,8 +12,8 @@ from functools import cached_property
 import numpy as np
 
 from evertwin.fold import Block
-from evertwin.models import Model, roll
-from evertwin.models.function import kernel_of
+from evertwin.models import Model
+from evertwin.models.batch import Batch
 from evertwin.signals import wrap
 from evertwin.sync.horizon import restarts
 from evertwin.types import Bool, Outputs, ParameterVector, Vector
@@ -49,10 +49,9 @@ class Changes:
 def changes(model: Model, p: ParameterVector, window: Block, horizon: float) -> Changes:
     """Measured and predicted changes over a horizon; of a static map those from what is measured
     on average: a constant, such as a weight that is held, would hide how all else is mistaken."""
-    kernel = kernel_of(model)
     x0 = model.initial(p)
     plan = restarts(window, horizon, x0)
-    _, y = roll(kernel, x0, window.u, window.dt, p, plan)
+    (y,) = Batch(model).run(window.u, window.dt, p[None], plan)
     base = _held(plan.y) if len(x0) else _average(window.y)
     angles = model.outputs.angles
     return Changes(wrap(window.y - base, angles), wrap(y - base, angles))

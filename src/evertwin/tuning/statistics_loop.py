@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from scipy.linalg.blas import ddot
+import scipy
 
 from evertwin.compiled.functions import instead, njit
 from evertwin.tuning.classes_loop import BINS
@@ -106,7 +106,7 @@ def remember(r: Any) -> Any:
 @instead("numpy:dot")
 def _dot(a: Any, b: Any) -> float:
     """What compiled functions take SciPy's library for too: NumPy's own differs in the last bit."""
-    return float(ddot(a, b))
+    return float(scipy.linalg.blas.ddot(a, b))
 
 
 @njit(cache=True)

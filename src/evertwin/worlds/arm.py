@@ -10,6 +10,7 @@ the motor torque with sensor noise, one file a cycle.
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -132,10 +133,14 @@ def _rotation(matrix: np.ndarray) -> Vector:
     return vector
 
 
-def _friction(truth: Truth, speed: Vector) -> Vector:
-    bump = 1.0 + truth.stribeck * np.exp(-((speed / 0.1) ** 2))
-    dry = np.array(truth.coulomb) * bump * np.tanh(speed / truth.width)
-    return np.asarray(dry + np.array(truth.viscous) * speed)
+def _friction(truth: Truth) -> Callable[[Vector], Vector]:
+    coulomb, viscous = np.array(truth.coulomb), np.array(truth.viscous)
+
+    def at(speed: Vector) -> Vector:
+        bump = 1.0 + truth.stribeck * np.exp(-((speed / 0.1) ** 2))
+        return np.asarray(coulomb * bump * np.tanh(speed / truth.width) + viscous * speed)
+
+    return at
 
 
 def planned(model: Any, cycle: Cycle) -> CubicSpline:
@@ -156,24 +161,22 @@ def record(
 
     ``plan`` holds the joint angles over time; absent: `planned` for this model and cycle.
     """
-    n = round(cycle.seconds / _STEP)
     plan = planned(model, cycle) if plan is None else plan
-    data = mujoco.MjData(model)
-    data.qpos[:], data.qvel[:] = plan(0.0), plan(0.0, 1)
-    inertia, bias = np.zeros((model.nv, model.nv)), np.zeros(model.nv)
+    t = np.arange(round(cycle.seconds / _STEP)) * _STEP
+    data, rubs = mujoco.MjData(model), _friction(truth)
+    q, qd, inertia = data.qpos, data.qvel, np.zeros((model.nv, model.nv))
+    q[:], qd[:] = plan(0.0), plan(0.0, 1)
     rows: list[np.ndarray] = []
-    for k in range(n):
-        t = k * _STEP
-        aim = plan(t, 2) + 400.0 * (plan(t) - data.qpos) + 40.0 * (plan(t, 1) - data.qvel)
+    for k, (place, speed, pull) in enumerate(zip(plan(t), plan(t, 1), plan(t, 2), strict=True)):
+        aim = pull + 400.0 * (place - q) + 40.0 * (speed - qd)
         mujoco.mj_forward(model, data)
         mujoco.mj_fullM(model, data, inertia)
-        bias[:] = data.qfrc_bias
-        friction = _friction(truth, data.qvel)
-        motor = inertia @ aim + bias + friction
+        friction = rubs(qd)
+        motor = inertia @ aim + data.qfrc_bias + friction
         data.qfrc_applied[:] = motor - friction
-        mujoco.mj_forward(model, data)
+        mujoco.mj_forwardSkip(model, data, mujoco.mjtStage.mjSTAGE_VEL, 1)  # it moves alike
         if k % 100 == 0:
-            rows.append(np.r_[data.qpos, data.qvel, data.qacc, motor])
+            rows.append(np.r_[q, qd, data.qacc, motor])
         mujoco.mj_Euler(model, data)
     table = np.array(rows).reshape(-1, 4, model.nv)
     names = ("q", "qd", "qdd", "tau")

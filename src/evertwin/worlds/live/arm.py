@@ -74,7 +74,9 @@ class LiveArm:
         self._data.qpos[:], self._data.qvel[:] = self._plan[0, 0], self._plan[0, 1]
         self._model.opt.timestep = STEP
         self._inertia = np.zeros((6, 6))
+        self._viscous = np.array(self._truth.viscous)
         self._step = 0
+        self._feel()
 
     @property
     def clock(self) -> float:
@@ -92,6 +94,7 @@ class LiveArm:
         t = self.clock
         self.knobs.tick(t)
         self._load()
+        self._feel()
         motor = self._move()
         sample = self._sample(t, seq, motor)
         for _ in range(EVERY - 1):
@@ -107,12 +110,15 @@ class LiveArm:
         self._model.body_ipos[-1] = 0.0
         mujoco.mj_setConst(self._model, mujoco.MjData(self._model))
 
+    def _feel(self) -> None:
+        """Friction and push as they are told, until the next sample or cycle."""
+        self._dry = np.array(self._truth.coulomb) * np.array(self.knobs.all("friction"))
+        self._warm = np.exp(-THINNER * (self.knobs.of("temperature") - WARM))
+        self._push = np.array(self.knobs.all("push"))
+
     def _friction(self, speed: Vector) -> Vector:
-        truth = self._truth
-        dry = np.array(truth.coulomb) * np.array(self.knobs.all("friction"))
-        warm = np.exp(-THINNER * (self.knobs.of("temperature") - WARM))
-        viscous = np.array(truth.viscous)
-        return np.asarray(warm * (dry * np.tanh(speed / truth.width) + viscous * speed))
+        rubs = self._dry * np.tanh(speed / self._truth.width) + self._viscous * speed
+        return np.asarray(self._warm * rubs)
 
     def _move(self) -> Vector:
         """One step; the motors' torque in it [Nm]."""
@@ -126,7 +132,7 @@ class LiveArm:
         friction = self._friction(data.qvel)
         motor = self._inertia @ aim + data.qfrc_bias + friction
         self._shown = data.qpos.copy(), data.qvel.copy()
-        data.qfrc_applied[:] = motor - friction + np.array(self.knobs.all("push"))
+        data.qfrc_applied[:] = motor - friction + self._push
         mujoco.mj_step2(model, data)
         self._step += 1
         return np.asarray(motor)
@@ -135,6 +141,7 @@ class LiveArm:
         for axis in AXES:
             if grown := self.knobs.of("growth", axis):
                 self.knobs.set("friction", axis, self.knobs.of("friction", axis) * (1.0 + grown))
+        self._feel()
 
     def _sample(self, t: float, seq: int, motor: Vector) -> Sample:
         rng, (q, qd) = self._rng, self._shown
