@@ -38,7 +38,7 @@ import numpy as np
 
 from evertwin.models import observing_kernel as kernels
 from evertwin.models.compiled import Compiled
-from evertwin.models.contract import BatchModel, Model
+from evertwin.models.contract import Model
 from evertwin.models.corrected import Corrected
 from evertwin.models.function import kernel_of
 from evertwin.models.kernel import Kernel, Restart
@@ -98,7 +98,8 @@ def unmeasured(model: Model, measured: Bools | None = None) -> tuple[int, ...]:
     if isinstance(model, Observed):
         return model.hidden
     inner = model.model if isinstance(model, Corrected) else model
-    if not len(model.states) or isinstance(inner, BatchModel) or kernel_of(model).remote:
+    # By name: to ask a protocol takes as long as all the rest.
+    if not len(model.states) or hasattr(inner, "simulate_batch") or kernel_of(model).remote:
         return ()
     p = model.parameters.values
     x, y = model.initial(p), np.full(len(model.outputs), 0.5)
