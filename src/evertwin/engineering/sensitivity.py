@@ -32,6 +32,7 @@ import time
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -41,12 +42,6 @@ from evertwin.fold.block import first
 from evertwin.tuning import Problem
 from evertwin.tuning.unseen import on
 from evertwin.types import Float64, Vector
-
-with needs("engineering"):
-    from SALib.analyze import morris as morris_analysis
-    from SALib.analyze import sobol as sobol_analysis
-    from SALib.sample import morris as morris_sample
-    from SALib.sample import sobol as sobol_sample
 
 Samples: TypeAlias = Float64[np.ndarray, "s k"]
 PerOutputParameter: TypeAlias = Float64[np.ndarray, "ny k"]
@@ -132,8 +127,8 @@ def sobol(problem: Problem, spans: Vector, seed: int) -> Sobol:
         ModelError: a simulation inside the ranges diverged.
     """
     began, problem = time.perf_counter(), problem if problem.linear else few(problem)
-    form, base = _form(problem, spans), _base_samples(problem)
-    x = sobol_sample.sample(form, base, calc_second_order=False, seed=seed)
+    form, base, (sample, analyze) = _form(problem, spans), _base_samples(problem), _by("sobol")
+    x = sample(form, base, calc_second_order=False, seed=seed)
     given = {"calc_second_order": False, "num_resamples": RESAMPLES, "seed": seed}
     sums = np.zeros((3, len(problem.model.outputs), len(problem.names)))
     effect = np.zeros(sums.shape[1:])
@@ -142,7 +137,7 @@ def sobol(problem: Problem, spans: Vector, seed: int) -> Sobol:
         if not variance.sum() > 0.0:
             continue
         for score, weight in zip(scores.T, variance / variance.sum()):
-            found = _quietly(sobol_analysis.analyze, form, score, **given)
+            found = _quietly(analyze, form, score, **given)
             sums[:, o] += weight * np.array([found[key] for key in ("ST", "S1", "ST_conf")])
         total = variance.sum() / len(course.centre)
         effect[o] = np.sqrt(np.maximum(sums[0, o], 0.0) * total) / course.size
@@ -157,16 +152,25 @@ def morris(problem: Problem, spans: Vector, seed: int) -> Morris:
         ModelError: a simulation inside the ranges diverged.
     """
     began, problem = time.perf_counter(), problem if problem.linear else few(problem)
-    form = _form(problem, spans)
-    x = morris_sample.sample(form, _paths(problem), num_levels=4, seed=seed)
+    form, (sample, analyze) = _form(problem, spans), _by("morris")
+    x = sample(form, _paths(problem), num_levels=4, seed=seed)
     given = {"num_levels": 4, "num_resamples": 2, "seed": seed}
     sums = np.zeros((2, len(problem.model.outputs), len(problem.names)))
     for o, (course, scores) in enumerate(_scores(problem, spans, x)):
         for score in scores.T:
-            found = _quietly(morris_analysis.analyze, form, x, score, **given)
+            found = _quietly(analyze, form, x, score, **given)
             sums[:, o] += [np.square(np.asarray(found[key])) for key in ("mu_star", "sigma")]
         sums[:, o] = np.sqrt(sums[:, o]) / (np.sqrt(len(course.centre)) * course.size)
     return Morris(*_about(problem, x, began), *sums)
+
+
+def _by(method: str) -> tuple[Callable[..., Any], Callable[..., Any]]:
+    """How SALib samples and analyses. It is loaded when it is asked: that takes a second, which a
+    service would start later by."""
+    with needs("engineering"):
+        modules = (import_module(f"SALib.{part}.{method}") for part in ("sample", "analyze"))
+        sample, analyze = modules
+    return sample.sample, analyze.analyze
 
 
 def _about(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.signal import lfilter
+import scipy
 
 from evertwin.types import Vector
 
@@ -42,7 +42,7 @@ def guess_store(t: Vector, u: Vector, y: Vector) -> Store:
 
     >>> t = np.arange(400) * 0.5
     >>> u = (t % 60 < 30) * 2.0
-    >>> y = lfilter([0.0, 0.25], [1.0, -0.95], u) + 20.0
+    >>> y = scipy.signal.lfilter([0.0, 0.25], [1.0, -0.95], u) + 20.0
     >>> found = guess_store(t, u, y)
     >>> f"{found.gain:.1f} {found.leak:.1f} {found.constant:.0f}"
     '0.5 0.1 2'
@@ -61,7 +61,7 @@ def guess_store(t: Vector, u: Vector, y: Vector) -> Store:
     for leak in np.geomspace(0.3 / span, 0.3 / step, LEAKS):
         rest = np.exp(-leak * step)
         into, filter_ = np.array([u, np.ones(bins)]), ([0.0, (1.0 - rest) / leak], [1.0, -rest])
-        columns = np.column_stack([*lfilter(*filter_, into), rest ** np.arange(bins)])
+        columns = np.column_stack([*scipy.signal.lfilter(*filter_, into), rest ** np.arange(bins)])
         size = np.linalg.norm(columns, axis=0) + 1e-300
         numbers = np.linalg.lstsq(columns / size, y, rcond=None)[0] / size
         off = float(np.square(columns @ numbers - y).sum())
