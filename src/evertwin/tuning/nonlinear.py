@@ -26,6 +26,7 @@ import numpy as np
 import scipy
 
 from evertwin.tuning.assemble import Outcome, noise_of, rms, squares
+from evertwin.tuning.hypercube import layered
 from evertwin.tuning.interrupt import Interrupt
 from evertwin.tuning.problem import Problem
 from evertwin.tuning.settings import Settings
@@ -256,7 +257,7 @@ def _starts(objective: Objective) -> list[Vector]:
     low, high = np.maximum(low, -1e6), np.minimum(high, 1e6)
     low = np.where(low > -1e6, low, -1.0)
     high = np.where(high < 1e6, high, 1.0)
-    points = scipy.stats.qmc.LatinHypercube(k, seed=objective.settings.seed).random(extra)
+    points = layered(np.random.default_rng(objective.settings.seed), extra, k)
     return [inside, *(low + points * (high - low))]
 
 

@@ -22,10 +22,10 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-import scipy
 
 from evertwin.fold import take
 from evertwin.tuning.assemble import rms
+from evertwin.tuning.hypercube import layered
 from evertwin.tuning.nonlinear import STOPPED, Objective, search
 from evertwin.tuning.problem import Problem
 from evertwin.tuning.settings import Settings
@@ -119,8 +119,8 @@ def _places(problem: Problem, own: Bools, seed: int) -> list[Vector]:
     """Places of one round; what starts at zero stays there, and so does what a recording begins
     with."""
     base = problem.start
-    rng = np.random.default_rng([problem.settings.seed, seed])
-    spread = scipy.stats.qmc.LatinHypercube(len(base), seed=rng).random(PLACES)
+    (rng,) = np.random.default_rng([problem.settings.seed, seed]).spawn(1)
+    spread = layered(rng, PLACES, len(base))
     near, far = _reach(problem, base, REACH)
     moves = own & (base != 0.0)
     ratio = np.where(moves, far, 1.0) / np.where(moves, near, 1.0)
