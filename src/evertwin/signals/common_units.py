@@ -19,6 +19,7 @@ from evertwin.signals.unit_text import factors, plain
 _POWERS: dict[str, dict[str, int]] = {
     **{base: {base: 1} for base in ("A", "K", "kg", "m", "rad", "s")},
     "N": {"kg": 1, "m": 1, "s": -2},
+    "Pa": {"kg": 1, "m": -1, "s": -2},
     "J": {"kg": 1, "m": 2, "s": -2},
     "W": {"kg": 1, "m": 2, "s": -3},
     "V": {"A": -1, "kg": 1, "m": 2, "s": -3},
