@@ -11,6 +11,7 @@ from __future__ import annotations
 import ast
 import re
 import sys
+from collections import defaultdict
 from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
@@ -27,7 +28,11 @@ class Module:
     def __init__(self, name: str, tree: ast.Module) -> None:
         self.name = name
         self.defined = [node for node in tree.body if isinstance(node, Definition)]
-        self.read = {id(node): node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
+        nodes = list(ast.walk(tree))
+        self.read = defaultdict[str, set[int]](set)
+        for node in nodes:
+            if isinstance(node, ast.Name):
+                self.read[node.id].add(id(node))
         self.imported: list[tuple[str, str, str]] = []
         """(name here, module it is taken from, name there)."""
         self.late: set[str] = set()
@@ -35,8 +40,8 @@ class Module:
         self.attributes: set[tuple[str, str]] = set()
         self.texts: list[str] = []
         """module:name."""
-        said = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
-        for node in ast.walk(tree):
+        said = {id(node.value) for node in nodes if isinstance(node, ast.Expr)}
+        for node in nodes:
             if id(node) not in said:
                 self._note(node)
 
@@ -65,12 +70,12 @@ class Module:
     @staticmethod
     def _imports(node: ast.AST) -> bool:
         calls = (part for part in ast.walk(node) if isinstance(part, ast.Call))
-        return any(ast.unparse(call.func).endswith("import_module") for call in calls)
+        return any(_dotted(call.func).endswith("import_module") for call in calls)
 
     def reads(self, name: str, inside: ast.AST | None = None) -> bool:
         """Is a name read here, other than inside its own definition?"""
-        own = {id(node) for node in ast.walk(inside)} if inside else set()
-        return any(name == read and place not in own for place, read in self.read.items())
+        own = (id(node) for node in ast.walk(inside)) if inside else ()
+        return bool(self.read.get(name, set()).difference(own))
 
     def uses(self, module: str, name: str) -> bool:
         """Does this module use what another one defines?"""

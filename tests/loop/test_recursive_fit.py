@@ -97,7 +97,7 @@ def test_what_is_not_linear_cannot_be_followed() -> None:
 def test_a_wrong_form_that_may_not_be_corrected_is_tuned_all_the_same() -> None:
     law = {"urdf": "ur5_like", "law": "sign"}
     spec = replace(SPEC, model=ModelSpec("arm", law))
-    result = Twin(spec).run(recording(5, 4.0, 6000))
+    result = Twin(spec).run(recording(5, 4.0, 4000))
     assert "abnormal" in {event.kind for event in result.events}
     assert result.champion.number > 0
     worst = max(f.relative_rms_after for f in result.outputs.values())
