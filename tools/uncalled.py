@@ -30,9 +30,10 @@ class Module:
         self.defined = [node for node in tree.body if isinstance(node, Definition)]
         nodes = list(ast.walk(tree))
         self.read = defaultdict[str, set[int]](set)
+        """Names to the lines where they stand."""
         for node in nodes:
             if isinstance(node, ast.Name):
-                self.read[node.id].add(id(node))
+                self.read[node.id].add(node.lineno)
         self.imported: list[tuple[str, str, str]] = []
         """(name here, module it is taken from, name there)."""
         self.late: set[str] = set()
@@ -72,10 +73,10 @@ class Module:
         calls = (part for part in ast.walk(node) if isinstance(part, ast.Call))
         return any(_dotted(call.func).endswith("import_module") for call in calls)
 
-    def reads(self, name: str, inside: ast.AST | None = None) -> bool:
+    def reads(self, name: str, inside: Definition | None = None) -> bool:
         """Is a name read here, other than inside its own definition?"""
-        own = (id(node) for node in ast.walk(inside)) if inside else ()
-        return bool(self.read.get(name, set()).difference(own))
+        own = range(inside.lineno, (inside.end_lineno or 0) + 1) if inside else ()
+        return any(line not in own for line in self.read.get(name, ()))
 
     def uses(self, module: str, name: str) -> bool:
         """Does this module use what another one defines?"""
