@@ -262,17 +262,3 @@ def test_a_count_far_from_its_neighbours_is_asked_back(n: int, factor: int, tmp_
     shuffled = np.random.default_rng(n).permutation(n).tolist()
     file.write_text("run,wear\n" + "".join(f"{k},{1.0 + 0.01 * k:.4f}\n" for k in shuffled))
     assert any("were sorted" in note for note in life_of_series(Series(file, 9.0)).notes)
-
-
-@pytest.mark.parametrize("n", [12, 60, 400])
-@pytest.mark.parametrize("factor", [100, 1000, 60_000])
-def test_a_count_far_from_its_neighbours_is_asked_back(n: int, factor: int, tmp_path: Path) -> None:
-    count = [k if k != n // 2 else factor * k for k in range(n)]
-    rows = [f"{k},{1.0 + 0.01 * i:.4f}" for i, k in enumerate(count)]
-    file = tmp_path / "h.csv"
-    file.write_text("run,wear\n" + "\n".join(rows) + "\n")
-    with pytest.raises(DataError, match=rf"h\.csv:{n // 2 + 2}: run: expected a time like those"):
-        life_of_series(Series(file, 9.0))
-    shuffled = np.random.default_rng(n).permutation(n).tolist()
-    file.write_text("run,wear\n" + "".join(f"{k},{1.0 + 0.01 * k:.4f}\n" for k in shuffled))
-    assert any("were sorted" in note for note in life_of_series(Series(file, 9.0)).notes)

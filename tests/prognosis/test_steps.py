@@ -103,25 +103,6 @@ def test_a_step_that_is_not_large_is_told_where_it_is_clear(
     assert "at once in row 42" in note and "adjusted" in note
 
 
-@pytest.mark.parametrize("seed", SEEDS)
-@pytest.mark.parametrize("scale", [0.01, 1.0, 300.0])
-@pytest.mark.parametrize("part", [0.2, 0.35, 0.6])
-def test_a_small_step_is_told_too_where_it_is_clear(
-    seed: int, scale: float, part: float, tmp_path: Path
-) -> None:
-    """By a share of the way to the limit: back to the begin, and towards the limit."""
-    rng, limit = np.random.default_rng(seed), 5.0 + 7.0
-    y = 5.0 + 7.0 * part * np.arange(60) / 40 + 7.0 * 0.01 * rng.standard_normal(60)
-    new, other = y.copy(), y.copy()
-    new[40:] -= 7.0 * part
-    other[40:] += 7.0 * 0.2
-    asked = {"limit": scale * limit}
-    with pytest.raises(DataError, match=r"h\.csv:42: x: .* was the part replaced there"):
-        life_of_series(Series(written(tmp_path / "h.csv", scale * new), **asked))
-    (note,) = life_of_series(Series(written(tmp_path / "h.csv", scale * other), **asked)).notes
-    assert "at once in row 42" in note and "adjusted" in note
-
-
 def own(y: Vector, limit: float, direction: Direction = "above") -> Indicator:
     return Indicator.of("x", "1", Limit(limit, direction), np.arange(float(len(y))), y)
 
