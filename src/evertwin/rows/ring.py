@@ -145,7 +145,8 @@ def kept(rows: Rows, first: int, stop: int | None = None) -> np.ndarray:
     >>> kept(rows, 0).tolist(), kept(rows, 1, 4).tolist()
     ([2, 0, 1], [2, 0])
     """
-    start, stop = max(first, rows.end - len(rows.t), rows.first), rows.end if stop is None else stop
+    stop = rows.end if stop is None else stop
+    start = min(max(first, rows.end - len(rows.t), rows.first), stop)
     return np.arange(start, stop) % len(rows.t)
 
 
