@@ -427,6 +427,9 @@ def test_the_ghost_of_an_arm_goes_where_the_torques_differ(shown: Shown) -> None
     assert calm == [0, 0], "as predicted: the ghost stands in the machine"
     assert off == [5, -30], "10 % of the usual torque; far more than is drawn"
     picture(page, "twin/arm/arm_live")
+    cut = "(one) => [one.scrollWidth, one.clientWidth]"
+    wide, room = page.eval_on_selector(".newest .scroll", cut)
+    assert wide <= room, "each figure with its unit"
     assert "of its usual torque" in page.inner_text("#leans")
 
 

@@ -33,7 +33,6 @@ from evertwin.refit.states import tried
 from evertwin.rows.ring import refuse
 from evertwin.setup.scores import judged_anew, mark
 from evertwin.setup.twin_state import PROBATION, TRIAL, WATCH, TwinState
-from evertwin.trial.odds import ODDS
 
 FEW, LONG = 5, 10
 """Segments that a challenger of a long trial predicts at least before a better one is sought; a
@@ -366,7 +365,7 @@ class Decide:
         state, shown = decision.state, evidence["sentence"]
         old, new = state.live, state.other
         if state.agenda.brief >= 0.0:
-            shown = shown.partition(ODDS)[0]
+            shown = shown.partition(", odds of")[0]
         reason = f"version {new.version} replaces {old.version}: {shown}"
         again = int((state.lives[:, 0] == new.version).sum())
         told = switched(self.follow, evidence, new.version) | ({"again": again} if again else {})

@@ -30,7 +30,7 @@ class Live {
     this.pause = h("button", { type: "button", id: "pause", onclick: () => this.follow(!this.axis.follows) }, "Pause");
     this.at = h("span", { class: "quiet", id: "at" });
     this.solid = h("div", { class: "card" }, h("p", { class: "quiet" }, "…"));
-    this.values = h("div", { class: "card" });
+    this.values = h("div", { class: "card newest" });
     this.log = new Log(twin);
     this.element = h("div", {}, this.head, h("div", { class: "columns" },
       h("section", { class: "card", "aria-label": "Signals over time" }, this.#controls(), this.choice, this.pictures,
