@@ -112,7 +112,7 @@ def test_every_command_names_its_document(
         (("model", "pin", "robot.toml", "7"), 2, "versions 0 to 0"),
         (("init", "robot.csv", "-o", "robot.toml"), 2, "exists already"),
         (("init", "robot.csv", "-o", "a.toml", "--model", "robt1d"), 2, "did you mean 'robot1d'"),
-        (("init", "robot.csv", "-o", "a.toml", "--urdf", "a.urdf"), 2, "--model arm"),
+        (("init", "robot.csv", "-o", "a.toml", "--urdf", "a.urdf"), 5, "expected a readable URDF"),
         (("run", "robot.toml", "--data", "robot.csv", "--report", "."), 2, "cannot be written"),
     ],
 )

@@ -8,8 +8,13 @@ import numpy as np
 import pytest
 
 from evertwin import Twin
+from evertwin.app.info import show_info
 from evertwin.app.starting import write_starter
 from evertwin.config import read
+from evertwin.errors import DataError
+from evertwin.report.scan_picture import MOST, draw_scans
+from evertwin.sources import open_recording
+from evertwin.sources.bag_scans import scans_of
 from evertwin.sources.ros_messages import flat
 from evertwin.worlds.live.recorder import main as record
 
@@ -47,3 +52,16 @@ def test_a_turn_in_the_plane_may_leave_its_zeros_out() -> None:
     assert short["q.yaw"] == pytest.approx(0.6)
     for other in ({"z": 1.0}, {"w": 1.0}, {"x": 1.0, "z": 0.0, "w": 1.0}, {"z": 1, "w": 1, "h": 2}):
         assert "q.yaw" not in dict(flat({"q": other}))
+
+
+def test_a_file_of_scans_has_its_picture(bag: Path, tmp_path: Path) -> None:
+    show_info(bag, as_json=False, check=False, picture=tmp_path / "scans.png")
+    assert (tmp_path / "scans.png").read_bytes().startswith(b"\x89PNG")
+    (scans,) = scans_of(open_recording(bag))
+    figure = draw_scans([scans])
+    assert len(figure.axes) == MOST
+    drawn = np.hypot(*figure.axes[-1].lines[0].get_xydata().T)
+    assert np.allclose(drawn, scans.ranges[-1], equal_nan=True)
+    (tmp_path / "run.csv").write_text("t,x\n0,1\n1,2\n")
+    with pytest.raises(DataError, match="no image and no scan"):
+        show_info(tmp_path / "run.csv", as_json=False, check=False, picture=tmp_path / "no.png")

@@ -161,7 +161,9 @@ def info(
     file: Annotated[Path, typer.Argument(help="Recording, or twin file.", metavar="FILE")],
     as_json: AsJson = False,
     check: Check = False,
-    picture: Annotated[Path | None, typer.Option(help="PNG to write: some of its images.")] = None,
+    picture: Annotated[
+        Path | None, typer.Option(help="PNG to write: some of its images, or scans.")
+    ] = None,
 ) -> None:
     """What a recording (channels, rates, gaps, absurd values, truncated rows) or a twin file holds.
 

@@ -13,16 +13,18 @@ from evertwin.config import TwinSpec, read
 from evertwin.errors import DataError, UsageError
 from evertwin.fold import plain
 from evertwin.signals.units import conversion_of
+from evertwin.sources.bag_scans import scans_of
 from evertwin.sources.info import inspect
 from evertwin.sources.info_text import render
+from evertwin.sources.recording import open_recording
 from evertwin.sources.spec import SourceSpec
 
 
 def show_info(file: Path, as_json: bool, check: bool, picture: Path | None = None) -> None:
-    """``evertwin info``; ``picture``: a file for some of its images.
+    """``evertwin info``; ``picture``: a file for some of its images; where it has none, its scans.
 
     Raises:
-        DataError: no such file, or no image for the picture.
+        DataError: no such file, or neither image nor scan for the picture.
     """
     if not file.exists():
         raise DataError(f"{file}: no such file")
@@ -35,12 +37,24 @@ def show_info(file: Path, as_json: bool, check: bool, picture: Path | None = Non
         sheet = Sheet()
     found = inspect(file, None if sheet is None else sheet.add)
     if picture is not None and sheet is not None:
-        if not sheet.kept:
-            raise DataError(f"{file}: no image that can be read: --picture has nothing to show")
-        sheet.save(picture)
+        if sheet.kept:
+            sheet.save(picture)
+        else:
+            _draw_scans(file, picture)
     show(found.to_dict(), render(found), as_json)
     if check and found.findings:
         raise typer.Exit(1)
+
+
+def _draw_scans(file: Path, picture: Path) -> None:
+    from evertwin.report.scan_picture import draw_scans  # loads matplotlib
+
+    scans = [one for one in scans_of(open_recording(file)) if len(one.t)]
+    if not scans:
+        raise DataError(
+            f"{file}: no image and no scan that can be read: --picture has nothing to show"
+        )
+    draw_scans(scans).savefig(picture, dpi=110)
 
 
 def _show_twin(file: Path, as_json: bool) -> None:

@@ -49,6 +49,11 @@ CLEARLY = 2.0
 """So many times what a sensor leaves the machine has to leave for the sensor to be named."""
 ALIKE = 1.5
 """So many times what the machine leaves a sensor may leave to look the same."""
+ALONE = "no machine, nor an input, explains as much; nothing is learned from it"
+AGAIN = (
+    "a machine has to become another one time and again for that: sensor or machine, that cannot "
+    "be told from these rows; nothing is learned until it can"
+)
 BARELY = 0.7
 """Part of the squared deviation that one machine for all rows leaves where it explains nothing."""
 
@@ -124,22 +129,17 @@ def shifted_output(rows: Rows) -> tuple[SensorChange | None, str]:
         if good and least() >= above:
             best, ours, clear = steady, left, True
     channel, said = rows.setup.model.outputs.channels[best.column - nu], _said(rows, best, edges[0])
-    if enough and clear:
-        return SensorChange(channel.name, 1.0, (
-            f"{channel.name} looks off by {said}: as its sensor's this explains "
-            f"{100 * (1.0 - ours / off):.0f} % of the deviation, and no machine, nor an input, "
-            "explains as much; nothing is learned from it"
-        ), None, rows.row(edges[0])), ""  # fmt: skip
     alike = ours <= ALIKE * theirs or (seen and ours <= usual)  # the usual is nothing to explain
     # of a machine that became another one as well nobody says that its sensor alone did
     alike = alike and rows.total(best.alone, known) <= ALIKE * max(theirs, usual)
-    if enough and alike and rows.total(rows.tuned, known) >= BARELY * off:
-        return SensorChange(channel.name, 1.0, (
-            f"{channel.name} looks off by {said}: as its sensor's this explains "
-            f"{100 * (1.0 - ours / off):.0f} % of the deviation, and a machine has to become "
-            "another one time and again for that: sensor or machine, that cannot be told from "
-            "these rows; nothing is learned until it can"
-        ), None, rows.row(edges[0])), ""  # fmt: skip
+    again = alike and rows.total(rows.tuned, known) >= BARELY * off
+    if enough and (clear or again):
+        share = 100 * (1.0 - ours / off)
+        known_as = (
+            f"{channel.name} looks off by {said}: as its sensor's this explains {share:.0f} %"
+        )
+        why = f"{known_as} of the deviation, and {ALONE if clear else AGAIN}"
+        return SensorChange(channel.name, 1.0, why, None, rows.row(edges[0])), ""
     told = alike or (steady is not None and _as_learned(rows, steady, known))
     return None, f"; {SENSOR}{channel.name} that is off by {said} {SAME}" if told else ""
 
