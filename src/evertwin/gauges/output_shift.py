@@ -134,11 +134,9 @@ def shifted_output(rows: Rows) -> tuple[SensorChange | None, str]:
     alike = alike and rows.total(best.alone, known) <= ALIKE * max(theirs, usual)
     again = alike and rows.total(rows.tuned, known) >= BARELY * off
     if enough and (clear or again):
-        share = 100 * (1.0 - ours / off)
-        known_as = (
-            f"{channel.name} looks off by {said}: as its sensor's this explains {share:.0f} %"
-        )
-        why = f"{known_as} of the deviation, and {ALONE if clear else AGAIN}"
+        part = 100 * (1.0 - ours / off)
+        why = f"as its sensor's this explains {part:.0f} % of the deviation, and "
+        why = f"{channel.name} looks off by {said}: {why}{ALONE if clear else AGAIN}"
         return SensorChange(channel.name, 1.0, why, None, rows.row(edges[0])), ""
     told = alike or (steady is not None and _as_learned(rows, steady, known))
     return None, f"; {SENSOR}{channel.name} that is off by {said} {SAME}" if told else ""
