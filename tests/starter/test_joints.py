@@ -70,3 +70,23 @@ def test_what_is_no_arm(count: int, heads: list[str], tmp_path: Path) -> None:
     written = sorted(tmp_path.glob("*.toml"))
     assert written
     assert all('kind = "arm"' not in one.read_text() for one in written)
+
+
+@pytest.mark.parametrize(("speed", "above", "width"), [(0.8, 0.05, None), (0.03, 0.006, 0.0024)])
+def test_an_arm_moves_above_a_part_of_what_its_slowest_joint_goes(
+    speed: float, above: float, width: float | None, tmp_path: Path
+) -> None:
+    t = 0.05 * np.arange(3000)
+    head, columns = ["t [s]"], [t]
+    for j in range(6):
+        rate = (0.3 + 0.1 * j) * np.ones(3000)
+        qd = speed * (1.0 + 0.3 * j) * np.sign(np.sin(rate * t))
+        head += [f"J{j + 1}_pos_rad", f"J{j + 1}_vel_rad/s", f"J{j + 1}_torque_Nm"]
+        columns += [np.cumsum(qd) * 0.05, qd, 5.0 * np.sign(qd)]
+    file = tmp_path / "arm.csv"
+    rows = np.column_stack(columns)
+    np.savetxt(file, rows, fmt="%.6f", delimiter=",", header=",".join(head), comments="")
+    write_starter([file], file.with_suffix(".toml"), ("arm", None), True, False)
+    text = file.with_suffix(".toml").read_text()
+    assert f"above = {above:g}" in text
+    assert (f"width = {width:g}" in text) if width else "width" not in text

@@ -8,6 +8,8 @@ letter or of time stands behind a word that says so, and the rest has to be a un
 (('flow', 'l/min'), ('T_in', '°C'), ('t', 's'), ('p', 'bar'))
 >>> [slashed(name) for name in ("m/s", "km/h", "speed km/h", "sensor/A", "N/mm", "I/O", "ticks/s")]
 [None, None, None, None, None, None, None]
+>>> slashed("J1_acc_deg/s2"), slashed("flow_in/(l/min)")
+(None, ('flow_in', 'l/min'))
 """
 
 from __future__ import annotations
@@ -52,7 +54,8 @@ def slashed(heading: str) -> tuple[str, str] | None:
     said = re.findall(r"[a-z]+", name.lower())
     if kind and not any(word in said for word in _WORDS[kind].split()):
         return None
-    parts = bool(kind) or not _is_unit(name.split()[-1])
+    last = re.split(r"[\s_]" if f"/{found[3]}" in heading else r"\s", name)[-1]
+    parts = bool(kind) or not _is_unit(last)
     return (name, unit) if parts and (kind or len(unit) > 1 or unit in "%°") else None
 
 

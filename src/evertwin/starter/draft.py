@@ -25,6 +25,7 @@ from evertwin.starter.options import stands_in
 from evertwin.starter.payload import acting
 from evertwin.starter.proposal import ASK, Match, Proposal, position, together
 from evertwin.starter.seen import Seen
+from evertwin.starter.speeds import SHARP, USUAL, fastest, of_joints
 from evertwin.starter.words import quantity, same_kind, words
 
 NAMED = 3
@@ -161,18 +162,11 @@ class Draft:
     def above(self) -> float:
         """Speed [SI] from which on something moves: of an axis, a fiftieth of its usual fastest."""
         if self.kind == "arm":
-            return 0.05
-        found = {match.channel: match for match in self.proposal.matches}
-        match = found.get("speed") or found.get("position")
-        if match is None or match.column == ASK:
-            return 0.0
-        seen = self.seen[match.source]
-        values = conversion(match.unit)[0] * seen.values(match.column)
-        if match.channel == "position" and seen.t is not None:
-            with np.errstate(all="ignore"):
-                values = np.diff(values) / np.diff(seen.t)
-        values = np.abs(values[np.isfinite(values)])
-        return float(f"{0.02 * np.quantile(values, 0.95):.1g}") if len(values) else 0.0
+            joints = range(1, len(self.moving) + 1)
+            told = [fastest(self.proposal, self.seen, f"qd{j}", f"q{j}") for j in joints]
+            return of_joints(told)
+        found = fastest(self.proposal, self.seen, "speed", "position")
+        return float(f"{0.02 * found:.1g}") if math.isfinite(found) else 0.0
 
     @property
     def horizon(self) -> float:
@@ -336,6 +330,8 @@ class Draft:
         """The twin file."""
         model, here = self.model, self.out.resolve().parent
         options = dict(self.options)
+        if self.kind == "arm" and self.above < USUAL:  # friction turns over well below it
+            options["width"] = float(f"{SHARP * self.above:.2g}")
         if str(options.get("urdf", "")).endswith(".urdf"):
             options["urdf"] = os.path.relpath(Path(options["urdf"]).resolve(), here)
         names = ("gain", "leak", "constant") if model is None else model.parameters.editable

@@ -76,7 +76,8 @@ ENDS = {
     "m s": "m/s", "cm s": "cm/s", "mm s": "mm/s", "rad s": "rad/s", "deg s": "deg/s",
     "m/min": "m/min", "l/min": "l/min", "lpm": "l/min", "m3/h": "m^3/h", "m3/min": "m^3/min",
     "m3/s": "m^3/s", "l s": "l/s", "km h": "km/h", "kmh": "km/h", "u/min": "rpm", "upm": "rpm",
-    "m s2": "m/s^2", "deg f": "degF", "grad c": "degC", "prozent": "%", "grad": "deg",
+    "m s 2": "m/s^2", "mm s 2": "mm/s^2", "rad s 2": "rad/s^2", "deg s 2": "deg/s^2",
+    "deg f": "degF", "grad c": "degC", "prozent": "%", "grad": "deg",
 }  # fmt: skip
 """Last words of a heading that can be nothing but its unit."""
 LETTERS = {
@@ -110,12 +111,14 @@ def said_unit(name: str) -> str:
     ('m^3/min', 'kg', '%')
     >>> said_unit("flow_m3h"), said_unit("belt_m_min"), said_unit("current_mA"), said_unit("A")
     ('m^3/h', 'm/min', 'mA', '')
+    >>> said_unit("J1_acc_deg/s2"), said_unit("acc_m_s2"), said_unit("acc rad/s^2")
+    ('deg/s^2', 'm/s^2', 'rad/s^2')
     """
     if name.rstrip().endswith("%"):
         return "%"
     said = words(name)
     behind = _BEHIND.fullmatch(name[name.rstrip().rfind(" ") - 1 :].rstrip()) if said else None
-    for count in (2, 1):
+    for count in (3, 2, 1):
         end = " ".join(said[-count:])
         if end in ENDS and (len(said) > count or end == "rpm"):
             return ENDS[end]
