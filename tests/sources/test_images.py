@@ -147,7 +147,7 @@ def test_a_picture_of_no_images_and_an_absent_topic_are_errors(tmp_path: Path) -
     assert not list(images_of(open_recording(table)))
     from evertwin.app.info import show_info
 
-    with pytest.raises(DataError, match="no image that can be read"):
+    with pytest.raises(DataError, match="no image and no scan that can be read"):
         show_info(table, False, False, tmp_path / "sheet.png")
 
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-PART = " FILE@START:STOP is the part from START to STOP, in seconds from its first stamp."
+PART = " FILE@START:STOP is a part, in seconds from the first stamp of all sources."
 TwinFile = Annotated[Path, typer.Argument(help="Twin file (TOML).", metavar="TWIN.toml")]
 SiteFile = Annotated[Path, typer.Argument(help="Site file (TOML).", metavar="SITE.toml")]
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]

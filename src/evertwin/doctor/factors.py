@@ -14,6 +14,8 @@ from evertwin.signals.mistaken import SIGN, numbers
 from evertwin.types import Vector
 
 STAMPS = "the stamps"
+NANO = 9.0
+"""Power of ten that is a broken cell, not a unit of a whole recording."""
 
 
 @dataclass(frozen=True)
@@ -44,9 +46,9 @@ class Suspect:
         for number, told in numbers(self.unit, recorded):
             if number == SIGN:
                 yield SIGN, "-1 (the sign is reversed)"
-            elif told == "a decimal prefix":
+            elif told == "a decimal prefix" and abs(math.log10(number)) < NANO:
                 yield 1.0 / number, f"10^{-round(math.log10(number))}"
-            else:
+            elif told != "a decimal prefix":
                 said = f"{1.0 / number:.6g}" if number < 1.0 else f"1/{number:g}"
                 yield 1.0 / number, f"{said} ({told.replace(' for ', ' taken for ')})"
 

@@ -35,6 +35,12 @@ EMPTY = Lane(-1, (), ())
 NONE = np.zeros(0, dtype=np.int64)
 
 
+def proven(state: TwinState) -> bool:
+    """Is a deviation asked about before its whole window has come? Of a version that held, and of
+    one behind such a one, once its probation, which tells whether it is to blame, is over."""
+    return state.agenda.commissioned and state.agenda.phase != PROBATION
+
+
 def early(setup: Setup, state: TwinState) -> bool:
     """May a deviation be told before its whole window has come? Once; of a share not before the
     size of what is measured is known as well as after a window."""
@@ -254,7 +260,7 @@ class Follow:
         if len(rows.row) == 0:
             return state, (), -1
         delay = self.setup.residual_filter.delay
-        soon = state.agenda.commissioned or early(self.setup, state)
+        soon = proven(state) or early(self.setup, state)
         watch = self.setup.watch(beats - delay, soon) if len(beats) else NEVER
         scores, pairs, back, off = accumulate(state.scores, rows, watch)
         detect, found = self.setup.detect.step(state.detect, rows)

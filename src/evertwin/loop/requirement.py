@@ -9,7 +9,7 @@ import numpy as np
 
 from evertwin.anomaly import Rise
 from evertwin.loop.decision import Decision
-from evertwin.loop.follow import NONE, early
+from evertwin.loop.follow import NONE, early, proven
 from evertwin.setup.detectors import Alarm
 from evertwin.setup.deviation import Sums, judged_deviation, limits
 from evertwin.setup.setup import Setup
@@ -92,7 +92,7 @@ def deviates(
 ) -> tuple[str | None, str, dict[str, Any]]:
     """Reason, output, evidence; (None, …) when it is too early to say, ("", …) when it is not."""
     samples = max(state.scores.watch.samples.tolist(), default=0)
-    rule = setup.watch(NONE, state.agenda.commissioned)
+    rule = setup.watch(NONE, proven(state))
     enough = samples >= setup.least if task_end else rule.enough(state.scores)
     if not np.isfinite(setup.requirement) or not enough:
         return None, "", {}

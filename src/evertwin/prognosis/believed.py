@@ -35,6 +35,10 @@ LEARNED = ("alarm", "drift", "normal", "promoted", "tuned")
 """Events that tell of the machine: who calls one true says that it is no sensor."""
 
 
+DROPPED = "it was not taken up"
+"""Why an answer does not count of which the decision said nothing, as in a probation."""
+
+
 @dataclass
 class Told:
     """What one fit, or the recursion at one time, said.
@@ -79,7 +83,7 @@ class Told:
     def against(self) -> str:
         """Why it does not count; empty: it does."""
         waits = "" if self.live else self.waits
-        return self.gone or waits or ("it was not taken up" if self.unsaid else "")
+        return self.gone or waits or (DROPPED if self.unsaid else "")
 
 
 def believed(store: Store) -> tuple[Told, ...]:

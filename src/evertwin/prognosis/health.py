@@ -20,6 +20,7 @@ import numpy as np
 from evertwin.config.prognosis import IndicatorSpec
 from evertwin.errors import ConfigError, DataError, UsageError, nearest
 from evertwin.models import Model, Parameters
+from evertwin.prognosis.believed import DROPPED
 from evertwin.prognosis.formula import Formula
 from evertwin.prognosis.history_file import of_table
 from evertwin.prognosis.laws import Indicator, Life, Limit, NotEnough
@@ -70,8 +71,10 @@ def uncounted(rule: IndicatorSpec, found: History, parameters: Parameters) -> tu
     """Notes on what a fit said of an indicator last that does not count, and on what would look the
     same as what does."""
     names, told = names_of(rule), []
-    alike, left = found.in_doubt(names), found.newest(names)[1]
-    if left is not None and left.why:
+    alike, (counts, left) = found.in_doubt(names), found.newest(names)
+    # of a moment that tells already, what was dropped behind it says nothing new
+    known_then = left is not None and counts is not None and counts.at >= left.at
+    if left is not None and left.why and not (known_then and left.why == DROPPED):
         known = [item for item in parameters if item.name in names and item.name in left.left]
         value = ", ".join(
             f"{one.name} {float(from_si(left.left[one.name][0], one.unit)):.4g} {one.unit}"

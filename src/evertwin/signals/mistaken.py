@@ -39,7 +39,7 @@ class Factor(NamedTuple):
 
 
 FACTORS = (
-    *(Factor(10.0**n, (), "a decimal prefix") for n in (1, 2, 3, 4, 6, 9)),
+    *(Factor(10.0**n, (), "a decimal prefix") for n in (1, 2, 3, 6, 9)),
     Factor(TURN, ("rad", "rad/s", "rad/s^2"), "degrees for radians"),
     Factor(25.4, LENGTHS, "millimetres for inches"),
     Factor(1.0 / 0.0254, LENGTHS, "inches for metres"),

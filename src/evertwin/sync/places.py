@@ -150,8 +150,11 @@ PHASE = 30
 """Innovations of a phase before its own variance is used."""
 MEMORY = 10_000
 """Innovations that a variance remembers."""
+PUSHED = 6.0
+"""Factor of a force alone below which a push from outside makes it as many times as large."""
 FACTORS = np.array([
-    one.number for one in mistaken.FACTORS if not 0.0 < one.number < mistaken.PURE
+    one.number for one in mistaken.FACTORS
+    if not 0.0 < one.number < (PUSHED if {"N", "Nm"} & {*one.units} else mistaken.PURE)
 ])  # fmt: skip
 """Suspected factors, those that no machine changes by from one row to the next; their inverses are
 tried too; the last is a turned sign."""
