@@ -346,7 +346,8 @@ def _moved_by(inputs: Layout, outputs: Layout) -> np.ndarray:
 def _tried(outputs: Layout) -> np.ndarray:
     """Which of `at.FACTORS` an output is suspected of, (ny, factors): those of its quantity."""
     own = np.array([_divides(unit) for unit in outputs.units]).reshape(-1, len(at.FACTORS))
-    return np.where(_decimal(), at.ANY, np.where(own, at.OWN, at.NEVER)).astype(np.float64)
+    anyone = _decimal() | (at.FACTORS[at.TURN] == at.FACTORS)  # a turn is taken for anything
+    return np.where(anyone, at.ANY, np.where(own, at.OWN, at.NEVER)).astype(np.float64)
 
 
 def _decimal() -> Bools:
