@@ -82,3 +82,24 @@ def test_a_term_that_no_ladder_tries_is_of_the_law_too() -> None:
     found = axis.fit([moved(TOP["fast"], seed) for seed in range(4)])
     assert set(found.laws["force"].split("+")) == set(LAW.split("+")) - {"root"}
     assert {item.name: item.value for item in found.parameters}["Fs"] > 5.0
+
+
+@pytest.mark.parametrize("width", [0.003, 0.05])
+def test_the_width_of_a_smooth_switch_is_found_where_nobody_says_it(width: float) -> None:
+    """A drive may creep wholly within the width that stands for one that nobody has said."""
+    ladder = TuningSpec(ladder=("root",))
+    axis = Twin(
+        TwinSpec("axis", ModelSpec("drive_force", options={"law": "tanh+root"}), tuning=ladder)
+    )
+
+    def crept(seed: int) -> Block:
+        rows = moved(5.0 * width, seed)
+        v, a = rows.u.T
+        rng = np.random.default_rng(seed)
+        force = 40.0 * a + 3.0 * v + 20.0 * np.tanh(v / width) + rng.normal(0.0, 0.8, len(v))
+        return rows._replace(y=force[:, None])
+
+    found = axis.fit([crept(seed) for seed in range(3)])
+    values = {item.name: item.value for item in found.parameters}
+    assert values["width"] == pytest.approx(width, rel=0.1)
+    assert values["Fc"] == pytest.approx(20.0, rel=0.03)

@@ -10,7 +10,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from types import MappingProxyType
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from evertwin.setup.setup import Setup
 from evertwin.setup.windows import apart
 from evertwin.tuning import Fit, Problem
 from evertwin.tuning.tangent import Inside, searched
-from evertwin.tuning.terms import climb_terms, folded
+from evertwin.tuning.terms import GAIN, climb_terms, folded
 from evertwin.tuning.unseen import held_out, on
 from evertwin.types import PerOutput
 
@@ -56,6 +56,10 @@ class Laddered(Protocol):
     def law_name(self, output: int, terms: Sequence[str]) -> str:
         """The law of an output that has these of its terms."""
         ...
+
+
+Speeds: TypeAlias = tuple[tuple[str, float], ...]
+"""Names of speeds inside of a law, each with what it is where nobody says."""
 
 
 class Chosen(NamedTuple):
@@ -150,7 +154,8 @@ def climb_laws(setup: Setup, problem: Problem) -> tuple[Problem, Chosen]:
     model, tried = problem.model, _tried(setup, problem)
     if not tried:
         return problem, Chosen()
-    plain, problem = problem, _shaped(problem, tried)
+    plain = _switched(problem, tried)
+    problem = _shaped(plain, tried)
     few = tuple(_thinned(window) for window in problem.windows)
 
     def pushing(values: Mapping[str, float]) -> Collection[str]:
@@ -200,57 +205,97 @@ def _chosen(
     return Chosen(laws, {joint: cause for joint, cause in causes.items() if cause}, taken)
 
 
+def _switched(problem: Problem, tried: Sequence[Rung]) -> Problem:
+    """The problem with the widths of smooth switches, where nobody has said them, that leave
+    clearly less on unseen rows: an arm that creeps turns over at slower speeds."""
+    fastest, names = _fastest(problem), _without(problem, tried)
+    open_ = {r.output: r.switch for r in tried if fastest and _unsaid(problem, r.switch)}
+    if not (any(open_.values()) and names):
+        return problem
+    plain = replace(problem, editable=names, windows=_folds(apart(problem.windows)))
+    best = _best(plain, [*open_.items()], fastest, (1.0 - GAIN) * folded(plain))
+    if not best:
+        return problem
+    near = replace(problem.tuning(names), prior=problem.parameters.with_values(best))
+    own = [[n for n, _ in open_.get(k, ()) if n in best] for k in range(len(fastest))]
+    return replace(problem, prior=searched(near, own).parameters)
+
+
 def _shaped(problem: Problem, tried: Sequence[Rung]) -> Problem:
     """The problem with the speeds inside of its terms, where nobody has said them, at those shares
     of a drive's fastest with which the term leaves least on unseen rows: what creeps for one drive
     is fast for another."""
-    model, items = problem.model, problem.parameters
-    open_ = [r for r in tried if r.shape and all(items[n].value == x for n, x in r.shape)]
-    if not (open_ and problem.linear and isinstance(model, Resisting)):
+    fastest = _fastest(problem)
+    open_ = [r for r in tried if fastest and r.shape and _unsaid(problem, r.shape)]
+    if not open_:
         return problem
-    u, y = (np.concatenate([getattr(w, name) for w in problem.windows]) for name in ("u", "y"))
-    drives = model.rubbed(u, y, items.values)
-    if len(drives) != len(model.outputs.names):
-        return problem
-    fastest = [float(np.nanquantile(np.abs(drive.speed), FASTEST)) for drive in drives]
-    others = {name for rung in tried if rung not in open_ for name in rung.add}
-    names = tuple(name for name in problem.names if name not in others)
+    names = _without(problem, [rung for rung in tried if rung not in open_])
     shaped = replace(problem, editable=names, windows=_folds(apart(problem.windows)))
+    first = {name: fastest[rung.output] for rung in open_ for name, _ in rung.shape}
     least = np.full(len(fastest), np.inf)
-    best = {name: fastest[rung.output] for rung in open_ for name, _ in rung.shape}
-    for share in SHARES.tolist():
-        speeds = {
-            name: float(np.clip(share * fastest[rung.output], items[name].low, items[name].high))
-            for rung in open_
-            for name, _ in rung.shape
-        }
-        left = folded(replace(shaped, prior=items.with_values(speeds)))
-        for rung in open_:
-            if left[rung.output] < least[rung.output]:
-                best |= {name: speeds[name] for name, _ in rung.shape}
-        least = np.fmin(least, left)
-    near = replace(problem.tuning(names), prior=items.with_values(best))
+    best = first | _best(shaped, [(r.output, r.shape) for r in open_], fastest, least)
+    near = replace(problem.tuning(names), prior=problem.parameters.with_values(best))
     found = searched(near, inside(near)).parameters
     return replace(problem, prior=found)
 
 
+def _best(
+    problem: Problem,
+    inside: Sequence[tuple[int, Speeds]],
+    fastest: Sequence[float],
+    least: PerOutput,
+) -> dict[str, float]:
+    """At which share of its output's fastest speed each of these leaves less than ``least``."""
+    items, best, least = problem.parameters, dict[str, float](), least.copy()
+    for share in SHARES.tolist():
+        speeds = {
+            name: float(np.clip(share * fastest[output], items[name].low, items[name].high))
+            for output, named in inside
+            for name, _ in named
+        }
+        left = folded(replace(problem, prior=items.with_values(speeds)))
+        for output, named in inside:
+            if left[output] < least[output]:
+                best |= {name: speeds[name] for name, _ in named}
+        least = np.fmin(least, left)
+    return best
+
+
+def _fastest(problem: Problem) -> list[float]:
+    """Of the drive of each output; none where that is not known."""
+    model = problem.model
+    if not (problem.linear and isinstance(model, Resisting)):
+        return []
+    u, y = (np.concatenate([getattr(w, name) for w in problem.windows]) for name in ("u", "y"))
+    drives = model.rubbed(u, y, problem.parameters.values)
+    if len(drives) != len(model.outputs.names):
+        return []
+    return [float(np.nanquantile(np.abs(drive.speed), FASTEST)) for drive in drives]
+
+
+def _unsaid(problem: Problem, speeds: Speeds) -> bool:
+    """Does each stand where it does when nobody says it?"""
+    return all(problem.parameters[name].value == value for name, value in speeds)
+
+
+def _without(problem: Problem, rungs: Sequence[Rung]) -> tuple[str, ...]:
+    out = {name for rung in rungs for name in rung.add}
+    return tuple(name for name in problem.names if name not in out)
+
+
 def inside(problem: Problem) -> Inside:
     """Of each output the speeds inside of its law's terms that nobody has said."""
-    model, items = problem.model, problem.model.parameters
-    there = [rung for rung in _rungs(model) if set(rung.add) <= set(problem.names)]
     if not problem.linear:
         return ()
-    found = tuple(
-        tuple(dict.fromkeys(
-            name
-            for rung in there
-            if rung.output == k
-            for name, value in (*rung.shape, *rung.switch)
-            if items[name].value == value
-        ))
-        for k in range(len(model.outputs))
-    )  # fmt: skip
-    return found if any(found) else ()
+    model, items, here = problem.model, problem.model.parameters, problem.parameters
+    found: list[dict[str, None]] = [{} for _ in model.outputs]
+    for rung in _rungs(model):
+        tuned = set(rung.add) <= set(problem.names)
+        moved = [(name, value) for name, value in rung.switch if here[name].value != value]
+        for name, value in (*rung.shape, *rung.switch) if tuned else moved:
+            if items[name].value == value:
+                found[rung.output][name] = None
+    return tuple(map(tuple, found)) if any(found) else ()
 
 
 def _thinned(window: Block) -> Block:

@@ -25,7 +25,7 @@ from evertwin.starter.options import stands_in
 from evertwin.starter.payload import acting
 from evertwin.starter.proposal import ASK, Match, Proposal, position, together
 from evertwin.starter.seen import Seen
-from evertwin.starter.speeds import SHARP, USUAL, fastest, of_joints
+from evertwin.starter.speeds import fastest, of_joints
 from evertwin.starter.words import quantity, same_kind, words
 
 NAMED = 3
@@ -330,8 +330,6 @@ class Draft:
         """The twin file."""
         model, here = self.model, self.out.resolve().parent
         options = dict(self.options)
-        if self.kind == "arm" and self.above < USUAL:  # friction turns over well below it
-            options["width"] = float(f"{SHARP * self.above:.2g}")
         if str(options.get("urdf", "")).endswith(".urdf"):
             options["urdf"] = os.path.relpath(Path(options["urdf"]).resolve(), here)
         names = ("gain", "leak", "constant") if model is None else model.parameters.editable

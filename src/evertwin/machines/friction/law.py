@@ -45,7 +45,7 @@ class Rung(NamedTuple):
     shape: tuple[tuple[str, float], ...] = ()
     """Speeds inside its features, each with what it is where nobody says."""
     switch: tuple[tuple[str, float], ...] = ()
-    """Width of a smooth switch that it could be taken for, likewise."""
+    """Width of the smooth switch of its law, likewise."""
 
 
 @runtime_checkable
@@ -175,7 +175,7 @@ class Law:
             Rung(
                 item.name, tuple(one.name + suffix for one in item.coefficients), cause=item.cause,
                 shape=tuple((x.name + suffix, x.value) for x in item.shape if x.sliding == "m/s"),
-                switch=smooth if "coulomb" in item.confused_with else (),
+                switch=smooth,
             )
             for item in self.terms
             if not item.always
