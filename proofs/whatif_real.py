@@ -5,17 +5,18 @@ is asked about the second before it is seen, and what was then measured is held 
 of each output the largest size and the rms, each with its interval of 95 %.
 
 * *load*: `twins/ur10e.toml`, commissioned on February's first runs and tuned on the motion without
-  a load of 31 January; what if the tip carries 3.05 kg.
+  a load of 31 January; what if the tip carries 3.05 kg, whose centre nobody says.
 * *autumn*: the same, tuned anew on each recording of autumn 2019 in order of date; what if it
   drives the path of the next one. Such pairs differ in the path, and in friction, which is tuned.
 * *speeds*: the same, tuned on the first half of a recording of one joint at several speeds; what if
   it drives the path of the second half.
+
+  The arm's recordings are those of its twin file and the newest one.
 * *husky*, *warthog*: `twins/drive_*.toml` run over steady windows of even steps; what if it drives
   the commands of an odd step, `STEPS` of them spread over the recording.
 
 Asked: inside in 90 % or more; "beyond what was recorded" said of at most 20 % of the pairs, and of
-none whose inputs are those of the machine's other recordings; the mean half width at most 3 times
-the mean error.
+none of autumn; the mean half width at most 3 times the mean error.
 """
 
 from __future__ import annotations
@@ -113,6 +114,11 @@ def arm(folder: Path) -> Twin:
     return twin
 
 
+def own(newest: str) -> list[str]:
+    """The arm's recordings."""
+    return [*map(str, files("identification")), newest]
+
+
 def load(folder: Path) -> Iterator[Pair]:
     """One pair, six joints."""
     without, loaded = (
@@ -121,18 +127,18 @@ def load(folder: Path) -> Iterator[Pair]:
     )
     with arm(folder) as twin:
         tuned(twin, [without])
-        found = twin.whatif(ScenarioSpec("load", load=LoadSpec(mass=MASS)), [without])
+        found = twin.whatif(ScenarioSpec("load", load=LoadSpec(MASS)), own(without))
         yield from judged("load", "3.05 kg", found, twin.blocks([loaded])[0])
 
 
 def autumn(folder: Path) -> Iterator[Pair]:
-    """Each recording that is long enough, from the one before."""
+    """Each recording of three seconds or more, from the one before."""
     with arm(folder) as twin:
         known = [(str(f), b[0]) for f in files("autumn") if (b := twin.blocks([f]))]
         known = [(file, rows) for file, rows in known if len(rows.t) > 300]
         for (before, _), (after, rows) in zip(known, known[1:], strict=False):
             tuned(twin, [before])
-            found = driven(twin, rows, [before], folder)
+            found = driven(twin, rows, own(before), folder)
             yield from judged("autumn", Path(after).stem[3:], found, rows)
 
 
@@ -145,7 +151,7 @@ def speeds(folder: Path) -> Iterator[Pair]:
             first, second = f"{file}@:{half:g}", f"{file}@{half:g}:"
             tuned(twin, [first])
             rows = twin.blocks([second])[0]
-            found = driven(twin, rows, [first], folder)
+            found = driven(twin, rows, own(first), folder)
             yield from judged("speeds", file.stem[-7:], found, rows)
 
 
@@ -173,8 +179,8 @@ def told(machine: str, found: list[Pair]) -> dict[str, bool]:
     """Prints what was missed, and the counts; relative to what came of the output on the mean."""
     for one in found:
         if not one.inside:
-            print(f"   {one.name} {one.what}: {one.told:.3g} ({one.low:.3g} … {one.high:.3g}), came "
-                  f"{one.came:.3g}")  # fmt: skip
+            ends = f"({one.low:.3g} … {one.high:.3g})"
+            print(f"   {one.name} {one.what}: {one.told:.3g} {ends}, came {one.came:.3g}")
     demands = {}
     names = dict.fromkeys(one.output for one in found)
     sizes = {name: np.mean([one.came for one in found if one.output == name]) for name in names}
@@ -189,7 +195,9 @@ def told(machine: str, found: list[Pair]) -> dict[str, bool]:
         demands[f"{machine} {what}: half width at most 3 errors"] = bool(half <= 3.0 * off)
     beyond = np.mean([one.beyond for one in found])
     print(f"{machine:8s} beyond what was recorded: {beyond:.0%}", flush=True)
-    demands[f"{machine}: beyond in at most 20 %"] = bool(beyond <= 0.2)
+    demands[f"{machine}: beyond in at most 20 %, none of autumn"] = bool(
+        beyond <= (0.0 if machine == "autumn" else 0.2)
+    )
     return demands
 
 

@@ -23,3 +23,4 @@ def test_it_is_what_the_columns_themselves_say(seed: int) -> None:
     assert len(terms) == len(gains) and (length < 1e-4).any()
     found = _best(one, one.inputs["u"], _products(basis, columns), r)
     assert found == pytest.approx(gains.max(), rel=1e-9)
+    assert _best(one, Shaped(np.zeros(400)), _products(basis, columns), r) == 0.0

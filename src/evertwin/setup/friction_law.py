@@ -217,13 +217,18 @@ def _shaped(problem: Problem, tried: Sequence[Rung]) -> Problem:
     names = tuple(name for name in problem.names if name not in others)
     shaped = replace(problem, editable=names, windows=_folds(apart(problem.windows)))
     least = np.full(len(fastest), np.inf)
-    best = {name: fastest[rung.output] for rung in open_ for name, _ in rung.shape}
-    for share in SHARES.tolist():
-        speeds = {
+
+    def at(share: float) -> dict[str, float]:
+        """Of a drive that stands too, which leaves as much with any."""
+        return {
             name: float(np.clip(share * fastest[rung.output], items[name].low, items[name].high))
             for rung in open_
             for name, _ in rung.shape
         }
+
+    best = at(1.0)
+    for share in SHARES.tolist():
+        speeds = at(share)
         left = folded(replace(shaped, prior=items.with_values(speeds)))
         for rung in open_:
             if left[rung.output] < least[rung.output]:

@@ -206,18 +206,21 @@ def _chosen(one: Asked) -> list[Term]:
     return accepted
 
 
-def _products(basis: Basis, columns: Columns) -> Columns:
+def _products(basis: Basis, columns: Columns) -> Float64[np.ndarray, "n products"]:
     """Every column of the basis times every other one."""
     return np.asarray((basis[:, :, None] * columns[:, None, :]).reshape(len(columns), -1))
 
 
-def _best(one: Asked, of: Shaped, both: Columns, r: Series) -> float:
+def _best(
+    one: Asked, of: Shaped, both: Float64[np.ndarray, "n products"], r: Series
+) -> float:  # fmt: skip
     """The most that one shape of an input explains of ``r``, which the columns have left. As
     `_gains` of its `candidates` says it, without a copy of each; ``both``: `_products`."""
     columns, values = one.columns, of.shapes[1]
     squares = np.square(columns).T @ np.square(values)
     side = (columns * r[:, None]).T @ values
-    across = (both.T @ values).reshape(-1, columns.shape[1], values.shape[1])
+    m, s = columns.shape[1], values.shape[1]
+    across = (both.T @ values).reshape(both.shape[1] // m, m, s)
     left = squares - np.square(across).sum(axis=0)
     explains = left > OWN * squares
     return float(
