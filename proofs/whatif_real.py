@@ -8,8 +8,8 @@ of each output the largest size and the rms, each with its interval of 95 %.
   a load of 31 January; what if the tip carries 3.05 kg, whose centre nobody says.
 * *autumn*: the same, tuned anew on each recording of autumn 2019 in order of date; what if it
   drives the path of the next one. Such pairs differ in the path, and in friction, which is tuned.
-* *speeds*: the same, tuned on the first half of a recording of one joint at several speeds; what if
-  it drives the path of the second half.
+* *speeds*: the same as commissioned, and the first half of a recording of one joint at several
+  speeds; what if it drives the path of the second half.
 
   The arm's recordings are those of its twin file and the newest one.
 * *husky*, *warthog*: `twins/drive_*.toml` run over steady windows of even steps; what if it drives
@@ -21,6 +21,7 @@ none of autumn; the mean half width at most 3 times the mean error.
 
 from __future__ import annotations
 
+import itertools
 import os
 import sys
 import tempfile
@@ -136,7 +137,7 @@ def autumn(folder: Path) -> Iterator[Pair]:
     with arm(folder) as twin:
         known = [(str(f), b[0]) for f in files("autumn") if (b := twin.blocks([f]))]
         known = [(file, rows) for file, rows in known if len(rows.t) > 300]
-        for (before, _), (after, rows) in zip(known, known[1:], strict=False):
+        for (before, _), (after, rows) in itertools.pairwise(known):
             tuned(twin, [before])
             found = driven(twin, rows, own(before), folder)
             yield from judged("autumn", Path(after).stem[3:], found, rows)
@@ -149,7 +150,6 @@ def speeds(folder: Path) -> Iterator[Pair]:
             (whole,) = twin.blocks([file])
             half = float(whole.t[-1] - whole.t[0]) * 0.5e-9
             first, second = f"{file}@:{half:g}", f"{file}@{half:g}:"
-            tuned(twin, [first])
             rows = twin.blocks([second])[0]
             found = driven(twin, rows, own(first), folder)
             yield from judged("speeds", file.stem[-7:], found, rows)
