@@ -10,7 +10,7 @@ from evertwin.config import TwinSpec
 from evertwin.config.spec import ModelSpec
 from evertwin.fold import Block, make_block
 from evertwin.machines.drive import DriveForce
-from evertwin.setup.friction_law import Chosen, acting
+from evertwin.setup.friction_law import Chosen, acting, climb_laws
 from evertwin.tuning import Problem, solve
 from evertwin.tuning.spec import TuningSpec
 
@@ -52,6 +52,13 @@ def test_a_peak_is_found_where_the_drive_has_it(kind: str) -> None:
     assert values["vs"] == pytest.approx(SHARE * top, rel=0.2)
     assert values["Fs"] == pytest.approx(9.0, rel=0.1)
     assert "vs 0" in found.causes["force"] and "m/s" in found.causes["force"]
+
+
+def test_a_drive_that_stands_has_a_peak_at_no_speed() -> None:
+    still = moved(1.0, 0)._replace(u=np.zeros((3000, 2)))
+    axis = twin()
+    problem = axis.problem([still])
+    assert climb_laws(axis.setup, problem)[0].parameters["vs"].value > 0.0
 
 
 def test_what_is_learned_of_slow_ways_back_holds_for_fast_ones() -> None:

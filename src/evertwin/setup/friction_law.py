@@ -231,9 +231,9 @@ def _shaped(problem: Problem, tried: Sequence[Rung]) -> Problem:
         return problem
     names = _without(problem, [rung for rung in tried if rung not in open_])
     shaped = replace(problem, editable=names, windows=_folds(apart(problem.windows)))
-    first = {name: fastest[rung.output] for rung in open_ for name, _ in rung.shape}
-    least = np.full(len(fastest), np.inf)
-    best = first | _best(shaped, [(r.output, r.shape) for r in open_], fastest, least)
+    there, least = [(r.output, r.shape) for r in open_], np.full(len(fastest), np.inf)
+    # of a drive that stands any speed leaves as much
+    best = _at(problem, there, fastest) | _best(shaped, there, fastest, least)
     near = replace(problem.tuning(names), prior=problem.parameters.with_values(best))
     found = searched(near, inside(near)).parameters
     return replace(problem, prior=found)
@@ -248,17 +248,25 @@ def _best(
     """At which share of its output's fastest speed each of these leaves less than ``least``."""
     items, best, least = problem.parameters, dict[str, float](), least.copy()
     for share in SHARES.tolist():
-        speeds = {
-            name: float(np.clip(share * fastest[output], items[name].low, items[name].high))
-            for output, named in inside
-            for name, _ in named
-        }
+        speeds = _at(problem, inside, [share * speed for speed in fastest])
         left = folded(replace(problem, prior=items.with_values(speeds)))
         for output, named in inside:
             if left[output] < least[output]:
                 best |= {name: speeds[name] for name, _ in named}
         least = np.fmin(least, left)
     return best
+
+
+def _at(
+    problem: Problem, inside: Sequence[tuple[int, Speeds]], speeds: Sequence[float]
+) -> dict[str, float]:
+    """Each of these at the speed of its output, within its bounds."""
+    items = problem.parameters
+    return {
+        name: float(np.clip(speeds[output], items[name].low, items[name].high))
+        for output, named in inside
+        for name, _ in named
+    }
 
 
 def _fastest(problem: Problem) -> list[float]:

@@ -26,6 +26,7 @@ from evertwin.starter.payload import acting
 from evertwin.starter.proposal import ASK, Match, Proposal, position, together
 from evertwin.starter.seen import Seen
 from evertwin.starter.speeds import fastest, of_joints
+from evertwin.starter.wear import at_usual_speed
 from evertwin.starter.words import quantity, same_kind, words
 
 NAMED = 3
@@ -339,6 +340,7 @@ class Draft:
             draft=self, model=model, ask=ASK, units=units, stands_in=stands_in(self.options),
             payload=", ".join(acting(model)) if self.once and model is not None else "",
             options=", ".join(f"{k} = {inline(v)}" for k, v in options.items()),
+            wears=at_usual_speed(model, self.proposal, self.seen) if self.once and model else (),
             recordings=self._origin,
             editable=", ".join(map(inline, names[:6])),
         )  # fmt: skip
