@@ -91,12 +91,12 @@ def test_a_term_that_no_ladder_tries_is_of_the_law_too() -> None:
     assert {item.name: item.value for item in found.parameters}["Fs"] > 5.0
 
 
-@pytest.mark.parametrize("width", [0.003, 0.05])
+@pytest.mark.parametrize("width", [0.003, 0.03])
 def test_the_width_of_a_smooth_switch_is_found_where_nobody_says_it(width: float) -> None:
     """A drive may creep wholly within the width that stands for one that nobody has said."""
-    ladder = TuningSpec(ladder=("root",))
+    ladder = TuningSpec(ladder=("direction",))
     axis = Twin(
-        TwinSpec("axis", ModelSpec("drive_force", options={"law": "tanh+root"}), tuning=ladder)
+        TwinSpec("axis", ModelSpec("drive_force", options={"law": "tanh+direction"}), tuning=ladder)
     )
 
     def crept(seed: int) -> Block:

@@ -6,6 +6,7 @@ stands on. The twin file says in which order terms are tried (``[tuning] ladder`
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -34,6 +35,9 @@ FASTEST = 0.99
 """Quantile of a drive's speeds that stands for its fastest."""
 SHARES = np.geomspace(0.01, 0.5, 12)
 """Of the fastest speed, at which what is within a term may fall."""
+CREEPS = 10.0
+"""Widths of a switch (that stands where nobody says it) below which a drive's fastest speed is a
+creep."""
 PARTS = 4
 """Parts that a single task is cut into."""
 MOST = 2 / 3
@@ -154,8 +158,9 @@ def climb_laws(setup: Setup, problem: Problem) -> tuple[Problem, Chosen]:
     model, tried = problem.model, _tried(setup, problem)
     if not tried:
         return problem, Chosen()
-    plain = _switched(problem, tried)
-    problem = _shaped(plain, tried)
+    fastest = _fastest(problem)
+    plain = _switched(problem, tried, fastest)
+    problem = _shaped(plain, tried, fastest)
     few = tuple(_thinned(window) for window in problem.windows)
 
     def pushing(values: Mapping[str, float]) -> Collection[str]:
@@ -205,12 +210,17 @@ def _chosen(
     return Chosen(laws, {joint: cause for joint, cause in causes.items() if cause}, taken)
 
 
-def _switched(problem: Problem, tried: Sequence[Rung]) -> Problem:
-    """The problem with the widths of smooth switches, where nobody has said them, that leave
-    clearly less on unseen rows: an arm that creeps turns over at slower speeds."""
-    fastest, names = _fastest(problem), _without(problem, tried)
-    open_ = {r.output: r.switch for r in tried if fastest and _unsaid(problem, r.switch)}
-    if not (any(open_.values()) and names):
+def _switched(problem: Problem, tried: Sequence[Rung], fastest: Sequence[float]) -> Problem:
+    """The problem with the widths of smooth switches, of drives that creep and where nobody has
+    said them, that leave clearly less on unseen rows. Faster ones hardly show them, and where a
+    term of the law could stand for it a width would trade with that."""
+    names = _without(problem, tried)
+    open_ = {
+        r.output: r.width
+        for r in tried
+        if fastest and _creeps(r, fastest) and _unsaid(problem, r.width)
+    }
+    if not (open_ and names):
         return problem
     plain = replace(problem, editable=names, windows=_folds(apart(problem.windows)))
     best = _best(plain, [*open_.items()], fastest, (1.0 - GAIN) * folded(plain))
@@ -221,11 +231,10 @@ def _switched(problem: Problem, tried: Sequence[Rung]) -> Problem:
     return replace(problem, prior=searched(near, own).parameters)
 
 
-def _shaped(problem: Problem, tried: Sequence[Rung]) -> Problem:
+def _shaped(problem: Problem, tried: Sequence[Rung], fastest: Sequence[float]) -> Problem:
     """The problem with the speeds inside of its terms, where nobody has said them, at those shares
     of a drive's fastest with which the term leaves least on unseen rows: what creeps for one drive
     is fast for another."""
-    fastest = _fastest(problem)
     open_ = [r for r in tried if fastest and r.shape and _unsaid(problem, r.shape)]
     if not open_:
         return problem
@@ -281,6 +290,11 @@ def _fastest(problem: Problem) -> list[float]:
     return [float(np.nanquantile(np.abs(drive.speed), FASTEST)) for drive in drives]
 
 
+def _creeps(rung: Rung, fastest: Sequence[float]) -> bool:
+    """Does the drive stay near the width that stands where nobody says it?"""
+    return any(0.0 < fastest[rung.output] < CREEPS * width for _, width in rung.width)
+
+
 def _unsaid(problem: Problem, speeds: Speeds) -> bool:
     """Does each stand where it does when nobody says it?"""
     return all(problem.parameters[name].value == value for name, value in speeds)
@@ -295,14 +309,14 @@ def inside(problem: Problem) -> Inside:
     """Of each output the speeds inside of its law's terms that nobody has said."""
     if not problem.linear:
         return ()
-    model, items, here = problem.model, problem.model.parameters, problem.parameters
+    model, items = problem.model, problem.model.parameters
     found: list[dict[str, None]] = [{} for _ in model.outputs]
+    fastest = _fastest(problem) or [math.inf] * len(found)
     for rung in _rungs(model):
         tuned = set(rung.add) <= set(problem.names)
-        moved = [(name, value) for name, value in rung.switch if here[name].value != value]
-        for name, value in (*rung.shape, *rung.switch) if tuned else moved:
-            if items[name].value == value:
-                found[rung.output][name] = None
+        names = (*rung.shape, *rung.switch) if tuned else ()
+        names += rung.width if _creeps(rung, fastest) else ()
+        found[rung.output] |= {name: None for name, value in names if items[name].value == value}
     return tuple(map(tuple, found)) if any(found) else ()
 
 
