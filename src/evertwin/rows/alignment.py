@@ -145,6 +145,10 @@ class Alignment:
         perceived = () if self.perceiving is None else self.perceiving.init()
         return AlignmentState(self.align.init(), self.derive.init(), perceived)
 
+    def takes(self, source: str) -> bool:
+        """Are poses made of the scans of a source?"""
+        return self.perceiving is not None and source == self.perceiving.rule.scan
+
     def check(self, chunk: Chunk) -> None:
         """Does a chunk fit its source?
 
@@ -166,19 +170,22 @@ class Alignment:
             return self._aligned(state, chunk)
         self.check(chunk)
         assert isinstance(state.perceived, PerceptionState)
-        given = list[_Given]()
-        for perceived, piece in self.perceiving.pieces(state.perceived, chunk):
-            state, rows, events = self._taken(state._replace(perceived=perceived), piece)
-            given.append(_Given(rows, events))
+        state, given = self._taken(state, *self.perceiving.step(state.perceived, chunk))
         return state, *_joined(given)
 
     def _taken(
-        self, state: AlignmentState, piece: Chunk | Event
-    ) -> tuple[AlignmentState, Block | None, tuple[Event, ...]]:
-        """A chunk, or something that is to be told before the next row."""
-        if isinstance(piece, Event):
-            return state, None, (replace(piece, row=self.align.row(state.align)),)
-        return self._aligned(state, piece)
+        self, state: AlignmentState, perceived: PerceptionState, pieces: Sequence[Chunk | Event]
+    ) -> tuple[AlignmentState, list[_Given]]:
+        """What came of each piece: of samples, or of what is to be told before the next row."""
+        state, given = state._replace(perceived=perceived), []
+        for piece in pieces:
+            if isinstance(piece, Event):
+                event = replace(piece, row=self.align.row(state.align))
+                given.append(_Given(None, (event,)))
+                continue
+            state, rows, events = self._aligned(state, piece)
+            given.append(_Given(rows, events))
+        return state, given
 
     def _aligned(
         self, state: AlignmentState, chunk: Chunk
@@ -195,11 +202,7 @@ class Alignment:
         given = list[_Given]()
         if self.perceiving is not None:
             assert isinstance(state.perceived, PerceptionState)
-            perceived, left = self.perceiving.rest(state.perceived)
-            state = state._replace(perceived=perceived)
-            for piece in left:
-                state, rows, events = self._taken(state, piece)
-                given.append(_Given(rows, events))
+            state, given = self._taken(state, *self.perceiving.flush(state.perceived))
         aligned, out = self.align.flush(state.align)
         derived, rows, wrong = self._derived(state.derive, out.rows, ends=True)
         given.append(_Given(rows, (*_told(out.records), *wrong)))

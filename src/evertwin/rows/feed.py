@@ -25,7 +25,7 @@ from evertwin.rows.crop import cropped
 from evertwin.rows.given import COLUMNS, Given, given, unknown
 from evertwin.rows.time_scale import doubt, would_fit
 from evertwin.sources.in_memory import Frame, in_memory
-from evertwin.sources.merging import Excerpt, each_once, merge
+from evertwin.sources.merging import MOST, Excerpt, each_once, merge
 from evertwin.sources.recorded import Recorded
 from evertwin.sources.recorded_scans import RecordedScans
 from evertwin.sources.scans import Lidar
@@ -226,7 +226,7 @@ class Feed:
     ) -> Iterator[Chunk]:
         every = recorded(self.spec)
         sources = [self._reader(every[i], paths).read() for i, paths in files.items() if paths]
-        return merge(sources, moved=moved)
+        return merge(sources, moved=moved, most=MOST if self.spec.perception is None else 1)
 
     def _lidar(self, data: Any) -> Lidar | None:
         """Where the beams of recorded scans look; None: their recording does not say it."""

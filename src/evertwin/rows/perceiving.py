@@ -112,32 +112,30 @@ class Perceiving:
         """The state before the first sample."""
         return self.stage.init()
 
-    def pieces(
+    def step(
         self, state: PerceptionState, chunk: Chunk
-    ) -> Iterator[tuple[PerceptionState, Chunk | Event]]:
+    ) -> tuple[PerceptionState, list[Chunk | Event]]:
         """What is to be aligned when a chunk came, as if its samples came one by one: what is to be
         told, the poses that come of a sample, then the sample itself. Consumes ``state``."""
         state, out = self.stage.opened(state, chunk.task)
-        yield from ((state, one) for one in self._told(out))
-        first, aligned = 0, chunk.source in self.aligned
+        pieces, first, aligned = [*self._told(out)], 0, chunk.source in self.aligned
         for i in range(len(chunk.t)):
             come = list[Event | Chunk]()
             for part in self._parts(chunk, i):
                 state, out = self.stage.step(state, part)
                 come += self._told(out)
-            if not come:
-                continue
-            if aligned and i > first:
-                yield state, _slice(chunk, first, i)
+            if come and aligned and i > first:
+                pieces.append(_slice(chunk, first, i))
                 first = i
-            yield from ((state, one) for one in come)
+            pieces += come
         if aligned:
-            yield state, _slice(chunk, first, len(chunk.t))
+            pieces.append(_slice(chunk, first, len(chunk.t)))
+        return state, pieces
 
-    def rest(self, state: PerceptionState) -> tuple[PerceptionState, tuple[Chunk | Event, ...]]:
+    def flush(self, state: PerceptionState) -> tuple[PerceptionState, list[Chunk | Event]]:
         """The same of the scans that wait, at the end of the data."""
         state, out = self.stage.flush(state)
-        return state, tuple(self._told(out))
+        return state, [*self._told(out)]
 
     def check(self, chunk: Chunk) -> bool:
         """Is a chunk of a source that is aligned, too?
