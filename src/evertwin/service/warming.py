@@ -19,6 +19,7 @@ import numpy as np
 
 from evertwin.anomaly.run_length import limit_for
 from evertwin.compiled.functions import at_once
+from evertwin.config.read import recorded
 from evertwin.config.spec import TwinSpec
 from evertwin.engine import EngineSpec, Pool
 from evertwin.fold import Chunk
@@ -78,6 +79,8 @@ def warm(own: TwinSpec) -> None:
             stamps = ((np.arange(50) + 50 * piece) / rate * 1e9).astype(np.int64)
             for one in spec.source:
                 twin.push(Chunk(one.name, stamps, np.zeros((50, len(one.channels)))))
+            for scan in recorded(spec)[len(spec.source) :]:  # in a round room
+                twin.push(Chunk(scan.name, stamps, np.full((50, *scan.shape), 2.0)))
         _decisions(twin.setup)
 
 
