@@ -170,7 +170,7 @@ def run_live_demo(
     arm = arm_options(Common(seed, STANDS), f"127.0.0.1:{ports['modbus']}", "")
     robot = robot_options(
         Common(seed, STANDS), None, f"127.0.0.1:{ports['mqtt']}",
-        topics="command,odom,imu,scan,pose",
+        topics="command,scan,pose",
     )  # fmt: skip
     service = Service(site_of(out, ports))
     with LiveMachine("arm", arm) as one, LiveMachine("robot", robot) as other:

@@ -1,8 +1,9 @@
 """Where the embedded robot truly is, as it says it by MQTT: only to score the pose that its twin
 tells from scans.
 
->>> off_by(np.array([0, 10**9]), np.zeros((2, 3)), np.array([0, 10**9]), np.full((2, 3), 0.01))
-(0.014142135623730951, 0.01)
+>>> found = off_by(np.arange(2), np.zeros((2, 3)), np.arange(2), np.full((2, 3), 0.01))
+>>> [round(one, 4) for one in found]
+[0.0141, 0.01]
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Scans to poses while they come: the scan matcher of a running twin, with what wheels and gyro say.
 
 A scan waits until wheels and gyro have spoken past its stamp, so that their word for it lies
-between two; not for longer than they may be `silent`: then it is matched without. So the order in
-which the sensors arrive changes nothing, and recorded or live, in whatever pieces, the poses are
-the same bit for bit. A pose is told where a scan tells it; else its numbers are NaN, which makes
+between two; not for longer than they may be `silent`: then it is matched without, and they are not
+waited for until they are heard again. So it hardly matters in which order the sensors arrive, and
+recorded or live, in whatever pieces, the poses are the same bit for bit. A pose is told where a scan tells it; else its numbers are NaN, which makes
 the row's outputs absent: the wheels alone are no measurement of the place. What was lost, found,
 missing or unheard is told as an event.
 
@@ -32,7 +32,7 @@ from evertwin.features.words import NEVER, Words
 from evertwin.fold import Chunk, Event, Out, make_block
 from evertwin.signals.planar import wrapped
 from evertwin.sources.scans import Lidar
-from evertwin.types import Bool, Float64, Int64, Stamps, Vector
+from evertwin.types import Float64, Int64, Stamps, Vector
 
 WAITING = 32
 """Scans that may wait; the oldest of more is matched with what was said."""
@@ -41,6 +41,7 @@ LOST = 3
 MISSING, LEARNS = 5.0, 0.1
 """Usual steps from scan to scan that are a hole, and how much one tells of what is usual."""
 WHEELS, GYRO = 0, 1
+NOT_YET, HEARD, UNHEARD = 0, 1, 2
 
 
 class Placed(NamedTuple):
@@ -77,8 +78,8 @@ class PerceptionState(NamedTuple):
     """x, y, heading."""
     gyro: Words
     """Its angle and rate, and how often it was silent before."""
-    unheard: Bool[np.ndarray, " two"]
-    """Was the last scan matched without wheels, without gyro?"""
+    heard: Int64[np.ndarray, " two"]
+    """`NOT_YET`, `HEARD` or `UNHEARD` at the last scan: wheels, gyro."""
     silences: int
     """Of the gyro, up to the last scan."""
     newest: int
@@ -128,7 +129,7 @@ class Perception:
         """Nothing was seen or heard yet."""
         return PerceptionState(
             self._matcher.init(), np.zeros(WAITING, np.int64), np.zeros((WAITING, self.beams)), 0,
-            0, Words.none(3), Words.none(3), np.zeros(2, np.bool_), 0, NEVER, NEVER, 0.0, 0, NEVER,
+            0, Words.none(3), Words.none(3), np.zeros(2, np.int64), 0, NEVER, NEVER, 0.0, 0, NEVER,
             0, 0, 0,
         )  # fmt: skip
 
@@ -202,13 +203,14 @@ class Perception:
         """Matches the scans that have waited."""
         while state.read < state.came:
             t = int(state.t[state.read % WAITING])
-            heard = all(words.newest >= t for _, words in self._heard(state))
-            if not (heard or ends or state.newest >= t + self._silent):
+            waited = (words for k, words in self._priors(state) if state.heard[k] == HEARD)
+            spoken = all(words.newest >= t for words in waited)
+            if not (spoken or ends or state.newest >= t + self._silent):
                 break
             state = self._one(state, out)
         return state
 
-    def _heard(self, state: PerceptionState) -> Iterator[tuple[int, Words]]:
+    def _priors(self, state: PerceptionState) -> Iterator[tuple[int, Words]]:
         if self.wheels:
             yield WHEELS, state.wheels
         if self.gyro:
@@ -247,7 +249,7 @@ class Perception:
     ) -> tuple[PerceptionState, Vector]:
         """What wheels and gyro say of a time: x, y, heading, angle; NaN where they say nothing."""
         moved = np.full(4, np.nan)
-        for k, words in self._heard(state):
+        for k, words in self._priors(state):
             found = words.at(t, self._silent)
             if k == WHEELS and found is not None:
                 moved[:3] = found
@@ -255,14 +257,15 @@ class Perception:
                 if int(found[2]) == state.silences:
                     moved[3] = found[0]
                 state = state._replace(silences=int(found[2]))
-            name = (self.wheels, self.gyro)[k]
-            if (found is None) != state.unheard[k]:
-                state.unheard[k] = found is None
-                if found is None:
-                    what = f"{name} says nothing at this scan: matched without it"
-                    out.tell(t, "unheard", name, what)
-                else:
-                    out.tell(t, "heard", name, f"{name} is heard at the scans")
+            name, before = (self.wheels, self.gyro)[k], state.heard[k]
+            if found is None and before == HEARD:
+                what = f"{name}: nothing is said at the scans, which are matched without from here"
+                out.tell(t, "unheard", name, what)
+                state.heard[k] = UNHEARD
+            if found is not None:
+                if before == UNHEARD:
+                    out.tell(t, "heard", name, f"{name}: heard again")
+                state.heard[k] = HEARD
         return state, moved
 
     def _found(self, state: PerceptionState, t: int, segment: int, out: _Said) -> PerceptionState:
