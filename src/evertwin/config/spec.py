@@ -184,6 +184,12 @@ class TwinSpec(Section):
                 f"perception: scan: a [[source]] is called {rule.scan!r} too: rename it",
                 ("perception", "scan"),
             )
+        if self.clock.rate is not None and self.clock.gap is None:
+            raise PlacedError(
+                "perception: rows at a fixed rate lie between poses, also where there was none for "
+                "long: say [clock] gap, over how long at most, or every in place of [clock] rate",
+                ("perception",),
+            )
         for key, names in (("wheels", rule.wheels), ("gyro", (rule.gyro,) * bool(rule.gyro))):
             if names and not any({*names} <= {*one.channels} for one in self.source):
                 raise PlacedError(

@@ -40,6 +40,8 @@ LOST = 3
 """Scans in a row without a pose that are told of."""
 MISSING, LEARNS = 5.0, 0.1
 """Usual steps from scan to scan that are a hole, and how much one tells of what is usual."""
+PERCEIVED = ("pose_lost", "pose_found", "scans_missing", "unheard", "heard")
+"""Kinds of its events."""
 WHEELS, GYRO = 0, 1
 NOT_YET, HEARD, UNHEARD = 0, 1, 2
 
@@ -92,6 +94,8 @@ class PerceptionState(NamedTuple):
     """Scans since there was a pose."""
     since: int
     """Stamp of the first of them [ns]."""
+    told: int
+    """Number of the time (`Perception.every`) in which a pose was told last."""
     late: int
     """Scans that came out of order since the last that did not."""
     segment: int
@@ -116,6 +120,8 @@ class Perception:
     """How long a scan waits for these, and how long they may say nothing [s]."""
     within: float = 0.1
     """Standard deviation of the place from which on a pose is none [m]."""
+    every: float = 0.0
+    """A pose is told for the first scan of each such time; 0: for every one [s]."""
 
     @cached_property
     def _matcher(self) -> ScanMatcher:
@@ -130,7 +136,7 @@ class Perception:
         return PerceptionState(
             self._matcher.init(), np.zeros(WAITING, np.int64), np.zeros((WAITING, self.beams)), 0,
             0, Words.none(3), Words.none(3), np.zeros(2, np.int64), 0, NEVER, NEVER, 0.0, 0, NEVER,
-            0, 0, 0,
+            NEVER, 0, 0, 0,
         )  # fmt: skip
 
     def step(self, state: PerceptionState, block: Chunk) -> tuple[PerceptionState, Out]:
@@ -229,7 +235,10 @@ class Perception:
         place_sd = np.sqrt(poses.covariance[0, 0, 0] + poses.covariance[0, 1, 1])
         told = poses.fix[0] == Fix.MATCHED and place_sd <= self.within
         pose, segment = poses.pose[0] if told else np.full(3, np.nan), int(poses.segment[0])
-        out.rows.append((t, pose, segment, state.task))
+        now = t if self.every == 0.0 else t // round(1e9 * self.every)
+        if now > state.told:
+            out.rows.append((t, pose, segment, state.task))
+            state = state._replace(told=now if told else state.told)
         state = self._found(state, t, segment, out) if told else self._lost(state, t, out)
         return state._replace(following=following, read=state.read + 1, before=t)
 

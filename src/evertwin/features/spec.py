@@ -53,6 +53,8 @@ class PerceptionSpec(Section):
     """Channel with the turn rate; absent: as above."""
     pose: tuple[str, ...] = ("x", "y", "heading")
     """Names of the channels that come of it, in the frame of the first scan."""
+    every: Duration | None = None
+    """A pose for the first scan of each such time; absent: for every scan. Others are matched."""
     within: Length = 0.1
     """Standard deviation of the place from which on a pose is none."""
     silent: Duration = 1.0

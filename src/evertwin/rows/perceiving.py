@@ -102,7 +102,7 @@ class Perceiving:
         heard = {what for parts in columns.values() for what, _ in parts}
         stage = Perception(
             rule.scan, stated, beams, "wheels" if "wheels" in heard else "",
-            "gyro" if "gyro" in heard else "", rule.silent, rule.within,
+            "gyro" if "gyro" in heard else "", rule.silent, rule.within, rule.every or 0.0,
         )  # fmt: skip
         aligned = frozenset(one.name for one in brought) - {rule.scan}
         names = {one.name: one.channels for one in feeds}
