@@ -209,9 +209,9 @@ class Perception:
         """Matches the scans that have waited."""
         while state.read < state.came:
             t = int(state.t[state.read % WAITING])
-            waited = (words for k, words in self._priors(state) if state.heard[k] == HEARD)
-            spoken = all(words.newest >= t for words in waited)
-            if not (spoken or ends or state.newest >= t + self._silent):
+            words = [one.newest for _, one in self._priors(state)]
+            waited = any(t - self._silent <= newest < t for newest in words)
+            if waited and not ends and state.newest < t + self._silent:
                 break
             state = self._one(state, out)
         return state
