@@ -229,13 +229,20 @@ class Feed:
         return merge(sources, moved=moved, most=MOST if self.spec.perception is None else 1)
 
     def _lidar(self, data: Any) -> Lidar | None:
-        """Where the beams of recorded scans look; None: their recording does not say it."""
+        """Where the beams of recorded scans look; None: their recording does not say it.
+
+        Raises:
+            ConfigError: there are none.
+        """
         if self.spec.perception is None or given(self.spec, self.model, data) is not None:
             return None
         files = files_of(self.spec, [part.path for part in _parts(data)])
         every = recorded(self.spec)
-        found = [self._reader(every[i], paths) for i, paths in files.items() if paths]
-        return next((one.lidar for one in found if isinstance(one, RecordedScans)), None)
+        for i, paths in files.items():
+            one = self._reader(every[i], paths) if paths else None
+            if isinstance(one, RecordedScans):
+                return one.lidar
+        raise ConfigError("[perception] makes the pose of scans: give their recording too")
 
     def _wanted(self, data: Any) -> list[SourceSpec | ArraySpec]:
         """The sources that have files."""
