@@ -109,8 +109,8 @@ def test_a_sound_store_stays(call: Command, ran: Path) -> None:
 
 
 def test_what_is_exported_is_whole_or_says_what_is_left_out(call: Command, folder: Path) -> None:
-    toml, t = str(TWINS / "robot_live.toml"), np.arange(3) * 10**8
-    spec = read(TWINS / "robot_live.toml")
+    toml, t = str(TWINS / "robot_ros.toml"), np.arange(3) * 10**8
+    spec = read(TWINS / "robot_ros.toml")
     with closing(SqliteStore(folder / "live.db")) as store:
         chunks = [Chunk(one.name, t, np.ones((3, len(one.channels)))) for one in spec.source]
         scans = np.arange(540.0).reshape(3, 180)

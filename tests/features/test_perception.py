@@ -181,9 +181,9 @@ def test_memory_is_bounded(drive: tuple[Scans, np.ndarray]) -> None:
     """Scans that come faster than wheels allow are matched with what was said."""
     scans = drive[0]
     on = stage(scans, wheels="odom", silent=1e3)
-    state, out = fold(on, [c for c in words(scans) if c.source == "odom"][:5])
+    state, _ = fold(on, [c for c in words(scans) if c.source == "odom"][:5])
     crowd = [Chunk("scan", np.array([STEP + k]), scans.ranges[:1]) for k in range(WAITING + 8)]
-    state, out = fold(on, crowd, state)
+    state, _ = fold(on, crowd, state)
     assert state.came - state.read <= WAITING and state.ranges.shape == (WAITING, 90)
 
 

@@ -1,4 +1,4 @@
-"""A twin whose pose comes from scans: recorded, pushed, cut off and gone on, and what is refused."""
+"""A twin whose pose comes from scans: recorded, pushed, cut off and gone on; what is refused."""
 
 from __future__ import annotations
 
@@ -180,7 +180,7 @@ def test_what_lacks_is_named(tmp_path: Path, folder: Path) -> None:
         with pytest.raises(ConfigError, match="do not say where their beams look"):
             twin.push(Chunk("scan", np.array([0]), np.ones((1, 180))))
     with Twin(spec) as twin:
-        with pytest.raises(ConfigError, match="none to scan.*give their recording too"):
+        with pytest.raises(ConfigError, match=r"none to scan.*give their recording too"):
             twin.run(tables(folder, "command"))
         with pytest.raises(DataError, match="expected 1 arrays of shape"):
             twin.push(Chunk("scan", np.array([0]), np.ones((1, 90))))

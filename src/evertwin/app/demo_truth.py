@@ -18,7 +18,7 @@ from evertwin.types import Float64, Int64
 
 POSE = SourceSpec(
     "pose",
-    {"x": ChannelSpec("x", "cm"), "y": ChannelSpec("y", "cm"), "heading": ChannelSpec("heading", "rad")},
+    {n: ChannelSpec(n, unit) for n, unit in (("x", "cm"), ("y", "cm"), ("heading", "rad"))},
     time=TimeSpec("t", "s"),
 )  # fmt: skip
 

@@ -1,11 +1,11 @@
-"""Scans to poses while they come: the scan matcher of a running twin, with what wheels and gyro say.
+"""Scans to poses while they come: the scan matcher of a running twin, with wheels and gyro.
 
 A scan waits until wheels and gyro have spoken past its stamp, so that their word for it lies
 between two; not for longer than they may be `silent`: then it is matched without, and they are not
 waited for until they are heard again. So it hardly matters in which order the sensors arrive, and
-recorded or live, in whatever pieces, the poses are the same bit for bit. A pose is told where a scan tells it; else its numbers are NaN, which makes
-the row's outputs absent: the wheels alone are no measurement of the place. What was lost, found,
-missing or unheard is told as an event.
+recorded or live, in whatever pieces, the poses are the same bit for bit. A pose is told where a
+scan tells it; else its numbers are NaN, which makes the row's outputs absent: the wheels alone are
+no measurement of the place. What was lost, found, missing or unheard is told as an event.
 
 >>> from evertwin.sources.scans import Lidar
 >>> lidar = Lidar.ahead(120, np.radians(2.0), 30.0)
@@ -253,9 +253,7 @@ class Perception:
         usual = state.usual or float(step)
         return state._replace(usual=usual + LEARNS * (min(step, MISSING * usual) - usual))
 
-    def _said(
-        self, state: PerceptionState, t: int, out: _Said
-    ) -> tuple[PerceptionState, Vector]:
+    def _said(self, state: PerceptionState, t: int, out: _Said) -> tuple[PerceptionState, Vector]:
         """What wheels and gyro say of a time: x, y, heading, angle; NaN where they say nothing."""
         moved = np.full(4, np.nan)
         for k, words in self._priors(state):

@@ -18,8 +18,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from evertwin.config import TwinSpec, place
 from evertwin.config.spec import PerceptionSpec
 from evertwin.errors import ConfigError, DataError

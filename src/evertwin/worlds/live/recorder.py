@@ -62,7 +62,9 @@ def main(arguments: list[str] | None = None) -> None:
     for topic, path in paths_of(given.record, given.topics or machine.units).items():
         columns = columns_of([one for one in kept if one.topic == topic], given.start or 0.0)
         units = {"seq": "1", **machine.units[topic]}
-        save(path, columns, {name: units[name.partition(".")[0]] for name in columns if name != "t"})
+        save(
+            path, columns, {name: units[name.partition(".")[0]] for name in columns if name != "t"}
+        )
 
 
 if __name__ == "__main__":
