@@ -19,7 +19,7 @@ import numpy as np
 from evertwin.features.correlation import BLOCK, CELL, Drawing, blocks, search
 from evertwin.features.fusion import Sighting
 from evertwin.features.local_map import Known, Surface
-from evertwin.features.registration import firmness, likelihood, register
+from evertwin.features.registration import NARROW, firmness, likelihood, register
 from evertwin.signals.planar import wrapped
 from evertwin.types import Float64, Vector
 
@@ -67,7 +67,7 @@ class Fit(NamedTuple):
     """A scan at a pose of the map.
 
     >>> Fit._fields
-    ('pose', 'share', 'covariance', 'sighting', 'worth', 'told', 'unseen', 'others')
+    ('pose', 'share', 'covariance', 'sighting', 'scale', 'worth', 'told', 'unseen', 'others')
     """
 
     pose: Pose
@@ -75,6 +75,8 @@ class Fit(NamedTuple):
     covariance: Float64[np.ndarray, "3 3"]
     sighting: Sighting
     """What the scan alone says."""
+    scale: float = 0.0
+    """Of how far its points lie off their walls [m]."""
     worth: float = 0.0
     """Logarithm of how likely the scan is there and this place was, up to a constant."""
     told: float = 0.0
@@ -169,17 +171,18 @@ def best(scan: Surface, view: Known, expected: Expected, sure: float) -> Fit:
 def ranked(scan: Surface, view: Known, expected: Expected, sure: float) -> list[Fit]:
     """The scan where it is expected or, where that is in doubt, where it most likely is.
 
-    In doubt it is where the fit explains too little or lies where it was hardly expected, and where
-    steps are so long that a fit may lead elsewhere. Then the two best places of the window are
-    looked at as well. Each is judged by how likely the scan is there and how well that place was
-    expected.
+    In doubt it is where the fit explains too little, or loosely, or lies where it was hardly
+    expected, and where steps are so long that a fit may lead elsewhere. Then the two best places of
+    the window are looked at as well. Each is judged by how likely the scan is there and how well
+    that place was expected.
 
     Returns:
         the likeliest, and others that are `ELSEWHERE` and nearly as likely (`CLEARLY`).
     """
     fit, some = fitted(scan, view, expected, expected.pose), balanced(scan)
     sparse = expected.window is not None and expected.window[1] > DENSE
-    doubt = sparse or fit.share < sure or expected.square(fit.pose) > UNUSUAL
+    loose = fit.share < sure or fit.scale > NARROW  # its walls are far, or none
+    doubt = sparse or loose or expected.square(fit.pose) > UNUSUAL
     open_ = np.linalg.eigvalsh(fit.sighting.information[:2, :2])[0] < 1 / TOLD**2
     modes = expected.modes() if doubt or open_ else [expected.pose]
     starts = [*modes[1:], *(searched(some, view, expected) if doubt else [])]
@@ -275,4 +278,4 @@ def fitted(scan: Surface, view: Known, expected: Expected, start: Pose) -> Fit:
     r = min(max(alike, 0.0), MOST_ALIKE)
     firm = firmness(scan, len(scan), *view, pose, scale, expected.shared)
     honest = firm * ((1 - r) / (1 + r) / GAUSSIAN)
-    return Fit(pose, share, covariance, Sighting(alone, honest))
+    return Fit(pose, share, covariance, Sighting(alone, honest), scale)

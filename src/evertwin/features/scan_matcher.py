@@ -55,6 +55,7 @@ from evertwin.features.scan_fit import (
     Fit,
     best,
 )
+from evertwin.features.scan_pace import ScanPace
 from evertwin.fold import Block, Out
 from evertwin.signals.planar import between, compose
 from evertwin.sources.scans import Lidar
@@ -106,7 +107,6 @@ FAR, OPEN = 1.0, 0.5
 """Spread of a pose from which on it is none: by the wheels, and by habit alone [m]."""
 FIRM = 0.1
 """The same for one that is found again: much may look alike [m]."""
-
 OFTEN = 0.2
 """How much one keyframe tells of how many scans there are from one to the next."""
 
@@ -144,6 +144,7 @@ class Following(NamedTuple):
     """Scans since the newest keyframe."""
     often: float = 1.0
     """Scans from keyframe to keyframe, of late."""
+    pace: ScanPace = ScanPace()
     denied: bool = False
     """Did its last scan tell a place, but none that its wheels led to?"""
 
@@ -212,8 +213,10 @@ class ScanMatcher:
             yield *self._begun(state, scan, telling), 0.0
             return
         blind = _blind(moved) or _blind(before)
-        state = state._replace(since=state.since + 1)
-        ahead, expected = _expected(state, moved - before, blind, dt)
+        pace, missed = state.pace.after(dt)
+        state = state._replace(since=state.since + 1, pace=pace)
+        gone = state.lost + missed * blind
+        ahead, expected = _expected(state, moved - before, blind, dt, gone)
         expected = expected._replace(shared=max(state.often, state.since) - 1)
         sure, least = (SURE, LEAST) if blind else (PLAUSIBLE, SEEN)
         fits = fit(scan, view, expected, sure) if telling else []
@@ -227,9 +230,11 @@ class ScanMatcher:
         here, good = [], []
         for one in fits:
             usual = blind and expected.square(one.pose) < UNUSUAL
-            astray = bool(state.lost) and not (state.lost <= BRIEFLY and usual)
+            way = float(np.hypot(*(one.pose - state.belief.pose)[:2]))
+            away = bool(state.lost) or (gone > 0 and way > FARTHER * state.habits.reach[0])
+            astray = away and not (gone <= BRIEFLY and usual)
             astray |= blind and bool(abs(one.pose[2] - state.belief.pose[2]) > ABOUT)
-            untold = blind and bool(state.lost) and _off(one.covariance, FIRM)  # not found again
+            untold = blind and away and _off(one.covariance, FIRM)  # not found again
             if untold or self._elsewhere(one, ranges, view, astray):
                 continue
             here.append(one)
@@ -237,11 +242,9 @@ class ScanMatcher:
             good += [one] * (one.share >= enough)
         told = max((one.told for one in good), default=-math.inf)
         content = max((one.share for one in good), default=0.0) >= CONTENT
-        denied = list[Fit]()
+        denied, went = list[Fit](), came._replace(moved=moved - before)
         if telling and not (blind or content or state.lost > BRIEFLY):
-            denied, alone = self._denied(
-                state, scan, view, came._replace(moved=moved - before), fit
-            )
+            denied, alone = self._denied(state, scan, view, went, fit)
             if denied and denied[0].told - AGAINST * (not state.denied) > told:
                 good, ahead, blind = denied, alone, True
         state = state._replace(denied=good is denied)
@@ -262,7 +265,8 @@ class ScanMatcher:
     ) -> tuple[list[Fit], Belief]:
         """Where a scan fits well, had the wheels said nothing; and what was expected then."""
         ranges, moved, dt = went
-        ahead, expected = _expected(state, moved * [np.nan, np.nan, np.nan, 1.0], True, dt)
+        gyro = moved * [np.nan, np.nan, np.nan, 1.0]
+        ahead, expected = _expected(state, gyro, True, dt, state.lost)
         expected = expected._replace(shared=max(state.often, state.since) - 1)
         fits = [one for one in fit(scan, view, expected, SURE) if one.share >= FAMILIAR]
         usual = [one for one in fits if expected.square(one.pose) < UNUSUAL]
@@ -361,9 +365,11 @@ def _blind(moved: Motion) -> bool:
     return not bool(np.all(np.isfinite(moved[:3])))
 
 
-def _expected(state: Following, went: Motion, blind: bool, dt: float) -> tuple[Belief, Expected]:
+def _expected(
+    state: Following, went: Motion, blind: bool, dt: float, gone: int
+) -> tuple[Belief, Expected]:
     """By wheels and gyro, else by the last step again: robots go on more often than they start or
-    stop."""
+    stop. ``gone``: scans without a pose before it."""
     lasts = round(1e9 * dt)
     if blind:
         steps, weights = state.habits.known()
@@ -372,11 +378,11 @@ def _expected(state: Following, went: Motion, blind: bool, dt: float) -> tuple[B
         if math.isfinite(went[3]):
             steps[:, 2], sigma[2] = went[3] - state.belief.bias * dt, AT_REST[2]
         at = state.belief
-        spread = at.covariance[:3, :3] + np.diag((sigma * (1 + state.lost)) ** 2)
+        spread = at.covariance[:3, :3] + np.diag((sigma * (1 + gone)) ** 2)
         places = compose(np.broadcast_to(at.pose, steps.shape), steps)
         far, turn = state.habits.reach
-        half = FARTHER * (1 + state.lost) * far + WINDOW * way
-        turn = max(FARTHER * (1 + state.lost) * turn, WINDOW * sigma[2], ABOUT)
+        half = FARTHER * (1 + gone) * far + WINDOW * way
+        turn = max(FARTHER * (1 + gone) * turn, WINDOW * sigma[2], ABOUT)
         window = at.pose, min(half, WIDEST * (1 + far)), min(turn, math.pi)
         likely = Expected(at.pose, spread, window, places, weights)
         likely = likely._replace(pose=places[likely.densities(places).sum(axis=1).argmax()])
@@ -384,5 +390,5 @@ def _expected(state: Following, went: Motion, blind: bool, dt: float) -> tuple[B
     wheels = between(state.moved[:3] - went[:3], state.moved[:3])
     ahead = predicted(state.belief, Step(lasts, wheels, float(went[3])))
     way, turn = math.hypot(wheels[0], wheels[1]), abs(wheels[2])
-    sigma = (AT_REST + SHARE * np.array([way, way, turn])) * (1 + state.lost)
+    sigma = (AT_REST + SHARE * np.array([way, way, turn])) * (1 + gone)
     return ahead, Expected(ahead.pose, ahead.covariance[:3, :3] + np.diag(sigma * sigma))
