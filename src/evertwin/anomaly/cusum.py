@@ -188,8 +188,9 @@ class Cusum:
         known, begins = state.calibration, np.zeros(part.r.shape, dtype=np.bool_)
         started = watch(
             part.r, part.phase, known.mean, known.scale, known.ar, known.sigma, known.limit,
-            0.5 * self.calm.shift, self.calm.clip, self.quiet // self.phases, state.past, state.sums, state.seen,
-            state.height, state.peak, rows.alarm[at:], rows.statistic[at:], begins,
+            0.5 * self.calm.shift, self.calm.clip, self.quiet // self.phases, state.past,
+            state.sums, state.seen, state.height, state.peak, rows.alarm[at:],
+            rows.statistic[at:], begins,
         )  # fmt: skip
         for i, j in np.argwhere(begins).tolist() if started else ():
             word = "above" if rows.alarm[at + i, j] > 0 else "below"

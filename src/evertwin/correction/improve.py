@@ -277,13 +277,17 @@ class _Search:
                 for part in now.stack.parts
             ):
                 continue
-            top = fit_candidate(now.stack, candidate, self.evidence)
-            found.append(_compared(candidate, (), fitted, top))
             simpler = [
                 k for k, part in enumerate(now.stack.parts)
                 if part.term.kind in candidate.replaces
                 and part.term.channel == candidate.term.channel
             ]  # fmt: skip
+            itself = candidate.term.kind in candidate.replaces and any(
+                now.stack.parts[k].term.kind == candidate.term.kind for k in simpler
+            )
+            if not itself:  # else it takes its own place
+                top = fit_candidate(now.stack, candidate, self.evidence)
+                found.append(_compared(candidate, (), fitted, top))
             if simpler:
                 bare = now.stack
                 for k in reversed(simpler):

@@ -139,7 +139,8 @@ class CorrectionTerm(ABC):
     pairs: ClassVar[bool] = False
     """Does it read a second channel?"""
     rank: ClassVar[int] = 0
-    """Place in a stack: 0 for what depends on the row alone, 1 for memory, 2 for extra states."""
+    """Place in a stack: 0 for what depends on the row alone, 1 for what remembers it, 2 and 3 for
+    what comes in time, 3 for extra states, too."""
     linear: ClassVar[bool] = False
     """Does the effective input depend linearly on the parameters? Then it is a `GridTerm`."""
     steps: ClassVar[tuple[str, ...]] = ()

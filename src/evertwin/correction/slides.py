@@ -1,0 +1,64 @@
+"""Numbers of a form that no slope leads to, where a fit has to leave them: sought on some rows.
+
+A dead zone that was learned before some command came may end elsewhere. When that command comes,
+the version is off as if the machine had changed, and no fit brings it back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+
+from evertwin.correction.candidates import propose
+from evertwin.correction.evidence import gather
+from evertwin.correction.fitting import anew
+from evertwin.correction.sliding import slid
+from evertwin.correction.stack import stack_of
+from evertwin.fold import Windows
+from evertwin.models import Model
+from evertwin.models.form import Form
+from evertwin.models.terms.registry import kind
+from evertwin.models.terms.rows import Rows
+from evertwin.types import ParameterVector
+
+
+def slides(form: Form) -> bool:
+    """Has a form such numbers?"""
+    return any(kind(term.kind).slopeless for term in form.terms)
+
+
+def slid_numbers(
+    model: Model, form: Form, p: ParameterVector, windows: Windows, horizon: float,
+    channels: Sequence[str] = (),
+) -> ParameterVector:  # fmt: skip
+    """The parameters of a form's model with such numbers, and those of the same terms, as these
+    rows tell them.
+
+    Args:
+        model: base model, without terms.
+        channels: inputs that may be corrected.
+
+    Raises:
+        TooFew: too few predictions.
+    """
+    stack = stack_of(model, form, p)
+    rows = Rows(stack.base, tuple(windows), tuple(channels), horizon)
+    known = {
+        (*one.key, one.term.variant): one
+        for one in propose(rows, tuple(dict.fromkeys(term.kind for term in form.terms)))
+    }
+    parts, some = list(stack.parts), list[int]()
+    for k, part in enumerate(parts):
+        term = part.term
+        found = known.get((term.kind, term.channel, term.source, term.variant))
+        if found is not None and part.kind.slopeless and found.fixed:
+            parts[k] = replace(
+                part, low=found.low, high=found.high, typical=found.typical, fixed=found.fixed
+            )
+            some.append(k)
+    if not some:
+        return p
+    stack = replace(stack, parts=tuple(parts))
+    evidence = gather(stack.model, windows, horizon, p=p)
+    return slid(stack, some, evidence, partial(anew, parts=some, evidence=evidence)).p
