@@ -310,7 +310,7 @@ class Draft:
         coupled = ("coupling",) if len(self.corrected) > 1 else ()
         posed = ("lever", "current") if self.kind in POSED else ()
         wheeled = ("wheels",) if self.kind in ("differential", "odometer") else ()
-        base = ("ramp", "direction", "hysteresis") if self._base else ()
+        base = ("slew", "direction", "hysteresis") if self._base else ()
         return ("lag", *coupled, *posed, *wheeled, *base, "table", "law")
 
     @property

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 GROUP = "evertwin.terms"
 KINDS = (
-    "lag", "ramp", "coupling", "lever", "current", "law", "direction", "hysteresis", "wheels",
+    "lag", "slew", "coupling", "lever", "current", "law", "direction", "hysteresis", "wheels",
     "table", "surface", "state", "leak",
 )  # fmt: skip
 """Those of the package, each in a file of its name; in the order in which they are tried."""

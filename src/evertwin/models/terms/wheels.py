@@ -9,7 +9,6 @@ cap. A base of which one wheel starts later turns where it is told to go straigh
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -41,8 +40,9 @@ CAPS = (1.5, 0.75)
 @njit(cache=True)
 def wheel(speed: float, threshold: float, cap: float) -> float:
     """The law of one wheel."""
-    a = abs(speed)
-    return math.copysign(min(a, cap), speed) if a > threshold else 0.0
+    if speed > threshold:
+        return min(speed, cap)
+    return max(speed, -cap) if speed < -threshold else 0.0
 
 
 def before(at: Any, grid: Any, u: Any, dt: float, p: Any, x: Any) -> int:

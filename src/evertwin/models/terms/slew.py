@@ -48,14 +48,14 @@ def before(at: Any, grid: Any, u: Any, dt: float, p: Any, x: Any) -> int:
     return 0
 
 
-class Ramp(CorrectionTerm):
+class Slew(CorrectionTerm):
     """See the module.
 
-    >>> KIND.say(Term("ramp", "v"), (0.4,), "m/s", {"rate": (0.3, 0.5)})
+    >>> KIND.say(Term("slew", "v"), (0.4,), "m/s", {"rate": (0.3, 0.5)})
     'v: changes by at most 0.4 (0.3 to 0.5) m/s in a second (rate limit)'
     """
 
-    kind, rank = "ramp", 3
+    kind, rank = "slew", 3
     functions = Functions(before)
 
     def parameters(self, term: Term, unit: str, source: str) -> Sequence[Parameter]:
@@ -63,7 +63,7 @@ class Ramp(CorrectionTerm):
 
     def memory(self, term: Term, number: int, model: Model) -> Sequence[Channel]:
         unit = self.unit(term, model)
-        return [Channel(f"ramp{number}.begun", "1"), Channel(f"ramp{number}.reached", unit)]
+        return [Channel(f"slew{number}.begun", "1"), Channel(f"slew{number}.reached", unit)]
 
     def propose(self, rows: Rows) -> Iterator[Candidate]:
         for c in rows.chosen:
@@ -78,4 +78,4 @@ class Ramp(CorrectionTerm):
         return f"{term.channel}: changes by at most {rate} in a second (rate limit)"
 
 
-KIND = Ramp()
+KIND = Slew()
