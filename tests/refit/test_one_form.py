@@ -51,7 +51,7 @@ def test_slow_commands_are_no_change_of_the_machine(kind: str) -> None:
     assert "since" not in found
     if kind == "correct":
         values = found["candidate"]["values"]
-        assert values["law.v.threshold"] == pytest.approx(STARTS, abs=0.01)
+        assert values["law.v.threshold"] == pytest.approx(STARTS, abs=0.015)  # no command between
 
 
 def test_another_gain_is_one() -> None:

@@ -22,6 +22,9 @@ from evertwin.models.terms.registry import kind
 from evertwin.models.terms.rows import Rows
 from evertwin.types import ParameterVector
 
+NEAR = 0.05
+"""Share of its bound that is a considerable change at least: these rows may have other commands."""
+
 
 def slides(form: Form) -> bool:
     """Has a form such numbers?"""
@@ -53,8 +56,9 @@ def slid_numbers(
         term = part.term
         found = known.get((term.kind, term.channel, term.source, term.variant))
         if found is not None and part.kind.slopeless and found.fixed:
+            some_way = [max(a, NEAR * b) for a, b in zip(found.typical, found.high, strict=True)]
             parts[k] = replace(
-                part, low=found.low, high=found.high, typical=found.typical, fixed=found.fixed
+                part, low=found.low, high=found.high, typical=tuple(some_way), fixed=found.fixed
             )
             some.append(k)
     if not some:

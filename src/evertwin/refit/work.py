@@ -328,8 +328,8 @@ class Work(Tuner):
                 content = self._corrected(version, new)
                 if content["candidate"]:
                     both = content, self._corrected(version, windows)
-                    rows = after(windows, 0, new[0].row), new, self.known
-                    return plainer(self.setup, self.versions, version, rows, both)
+                    parts = after(windows, 0, new[0].row), new, self.known
+                    return plainer(self.setup, self.versions, version, parts, both)
         return self._corrected(version, windows)
 
     def _corrected(self, version: Version, windows: Windows) -> dict[str, Any]:

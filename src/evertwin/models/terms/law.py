@@ -33,6 +33,8 @@ DEAF = 0.02
 """Gain up to which a machine does not answer to a command; a turned sign ends there, too."""
 STATIC = ("law", "direction", "hysteresis", "wheels", "table", "coupling")
 """Kinds that say what comes of a command: each may take the place of the others."""
+EXACT = 1e-6
+"""Share of its reach by which a threshold moves that is one of the commands."""
 THRESHOLDS = 12
 """Start thresholds that are tried for a dead zone."""
 
@@ -138,10 +140,15 @@ def _laws(c: str, u: Vector, reach: float) -> Iterator[Candidate]:
     bounds = (0.0, *low), (0.6 * reach, *high), (0.05 * reach, *typical)
     clamp = Term("law", c, variant="clamp", levels=levels)
     yield Candidate(clamp, SIMPLE, clamps, *bounds, replaces=STATIC)
-    zones = tuple((threshold, *slope) for threshold in thresholds(u, reach) for slope in slopes)
+    some, near = thresholds(u, reach), 0.05 * reach
+    if len(some) < THRESHOLDS:  # each command is tried, and it is one of them that starts nothing
+        near = EXACT * reach
+    zones = tuple((threshold, *slope) for threshold in some for slope in slopes)
     if zones:
-        zone = Term("law", c, variant="dead zone")
-        yield Candidate(zone, SIMPLE, zones, *bounds, fixed=(0,), replaces=STATIC)
+        yield Candidate(
+            Term("law", c, variant="dead zone"), SIMPLE, zones, *bounds[:2], (near, *typical),
+            fixed=(0,), replaces=STATIC,
+        )  # fmt: skip
 
 
 def thresholds(u: Vector, reach: float) -> list[float]:

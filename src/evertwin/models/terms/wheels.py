@@ -101,15 +101,13 @@ class Wheels(CorrectionTerm):
 
     def say(self, term: Term, values: Sequence[float], unit: str, intervals: Intervals) -> str:
         track, *numbers = values
-        starts, caps = numbers[:2], numbers[2:]
+        starts = [(side, side, v) for side, v in zip(SIDES, numbers[:2], strict=True)]
+        caps = [(side, f"{side}_cap", v) for side, v in zip(SIDES, numbers[2:], strict=True)]
         said = []
-        if any(starts):
-            both = zip(SIDES, starts, strict=True)
-            said.append(", ".join(f"{s} at {told(s, v, unit, intervals)}" for s, v in both))
-            said[0] = f"{said[0].replace(' at', ' starts at', 1)} (dead zone)"
-        if min(caps) < UNBOUNDED:
-            both = (p for p in zip(SIDES, caps, strict=True) if p[1] < UNBOUNDED)
-            ends = (f"{s} at {told(f'{s}_cap', v, unit, intervals)}" for s, v in both)
+        if any(v for _, _, v in starts):
+            each = ", ".join(f"{s} at {told(n, v, unit, intervals)}" for s, n, v in starts)
+            said.append(f"{each.replace(' at', ' starts at', 1)} (dead zone)")
+        if ends := [f"{s} at {told(n, v, unit, intervals)}" for s, n, v in caps if v < UNBOUNDED]:
             said.append(f"saturation of {', '.join(ends)}")
         apart = told("track", track, "m", intervals)
         return f"wheels {apart} apart: {', '.join(said) or 'as they are told'}"
