@@ -282,7 +282,8 @@ def _calm(
         return f"The twin fits its machine{again}: {now}{lead}{asked}.{rest}{passed}"
     last = next((e for e in reversed(doubts) if "step" in e.evidence), doubts[-1])
     why = f"{last.signal or last.kind}: {last.reason}"
-    lasts = "" if all(f.held for f in known.values()) else ", which lasts"
+    open_step = "step" in last.evidence and not all(f.held for f in known.values())
+    lasts = ", which lasts" if open_step else ""
     why = f"it was {times} ({why}){lasts}, and " if suspected else f"{why}, and "
     return (
         f"Over all rows the twin is within what is asked: {now}{lead}{asked}; but "
