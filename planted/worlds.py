@@ -6,6 +6,7 @@ from pathlib import Path
 
 from evertwin.app.machines import Common, LiveMachine, arm_options, robot_options
 from evertwin.app.worlds import arm, robot
+from planted.twins import TWINS
 
 
 def record_robot(out: Path, *options: str) -> None:
@@ -20,12 +21,25 @@ def record_arm(out: Path, *options: str) -> None:
         world.recordings()
 
 
-def record_live(name: str, out: Path, seconds: float, *orders: str, seed: int = 1) -> list[Path]:
-    """What a living machine would say in so many seconds, with orders planned; its files."""
+def told_its_pose(site: Path) -> Path:
+    """The site of the demonstration, with a robot whose pose somebody else says: of what its store
+    has every number can be exported as a table."""
+    text = site.read_text()
+    site.write_text(text.replace('"scan"', '"pose"').replace("robot/scan", "robot/pose"))
+    twin = (TWINS / "robot_pose.toml").read_text().replace('"robot_pose"', '"robot_live"')
+    (site.parent.parent / "twins" / "robot_live.toml").write_text(twin)
+    return site
+
+
+def record_live(
+    name: str, out: Path, seconds: float, *orders: str, seed: int = 1, topics: str = "command,scan"
+) -> list[Path]:
+    """What a living machine would say in so many seconds, with orders planned; its files.
+    ``topics``: of the robot."""
     common = Common(seed=seed, seconds=seconds, record=out, order=list(orders))
     options = {
         "arm": lambda: arm_options(common, "", ""),
-        "robot": lambda: robot_options(common, None, topics="command,pose"),
+        "robot": lambda: robot_options(common, None, topics=topics),
     }[name]()
     with LiveMachine(name, options) as machine:
         machine.wait()

@@ -70,14 +70,15 @@ def _real(*parts: str) -> Recording:
     return lambda _: [there / part for part in parts] or None
 
 
-def _said(name: str, seconds: float, *orders: str) -> Recording:
+def _said(name: str, seconds: float, *orders: str, topics: str = "command,scan") -> Recording:
     """What a living machine says."""
-    return lambda folder: record_live(name, folder / f"{name}.csv", seconds, *orders)
+    return lambda folder: record_live(name, folder / f"{name}.csv", seconds, *orders, topics=topics)
 
 
 EMPS = _real("emps/DATA_EMPS.mat")
 CASES: dict[str, Recording] = {
     "arm_live": _said("arm", 300.0, "150:friction.2=1.3"), "robot_live": _said("robot", 600.0),
+    "robot_pose": _said("robot", 600.0, topics="command,pose"),
     "arm": _arm, "robot": _robot("--seconds", "600", "--seed", "1"),
     "robot1d": _robot("--light", "--world", "w3", "--seconds", "600", "--seed", "1"),
     "joint": _joint, "mass": _mass, "template": _tank, "wear": _line,

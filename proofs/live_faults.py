@@ -28,6 +28,7 @@ from typing import Any
 from evertwin.app.demo_live import free_ports, site_of
 from evertwin.app.machines import Common, LiveMachine, arm_options, robot_options
 from planted.serving import Served
+from planted.worlds import told_its_pose
 from proofs._verdict import ended
 from proofs.broker import SAVED, Broker
 from proofs.service_kills import drained, found
@@ -125,7 +126,7 @@ def main(rounds: int = 1, seed: int = 1, speed: float = 4.0) -> int:
             disk = None
         ports = free_ports(("modbus", "mqtt", "http"))
         line = running.enter_context(Proxy(ports["modbus"]))
-        site = site_of(folder, {"modbus": line.port, "mqtt": broker.port, "http": 0})
+        site = told_its_pose(site_of(folder, {"modbus": line.port, "mqtt": broker.port, "http": 0}))
         store = (disk or folder) / "store"
         text = re.sub(r"(?m)^store = .*$", f'store = "{store}"', site.read_text())
         site.write_text(text)

@@ -53,7 +53,7 @@ def live(seed: int, speed: float, folder: Path) -> dict[str, Path]:
     ports = free_ports(("modbus", "mqtt", "http"))
     both = Common(seed, speed, seconds=SECONDS)
     arm = arm_options(both._replace(order=orders), f"127.0.0.1:{ports['modbus']}", "")
-    robot = robot_options(both, None, f"127.0.0.1:{ports['mqtt']}", topics="command,pose")
+    robot = robot_options(both, None, f"127.0.0.1:{ports['mqtt']}", topics="command,scan")
     site = site_of(folder, ports)
     store = site.parent / "demo-store"
     with ExitStack() as running:

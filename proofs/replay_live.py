@@ -45,6 +45,7 @@ from evertwin.sources.spec import TimeSpec
 from evertwin.store import Batch, SqliteStore
 from evertwin.store.spec import StoreSpec
 from planted.serving import Served
+from planted.worlds import told_its_pose
 from proofs._verdict import ended
 from proofs.papers_live import folded
 
@@ -102,7 +103,7 @@ def lived(seconds: float, speed: float, seed: int, folder: Path) -> dict[str, Pa
         both._replace(order=planned(ROBOT)), None, f"127.0.0.1:{ports['mqtt']}",
         topics="command,pose",
     )  # fmt: skip
-    site = site_of(folder, ports)
+    site = told_its_pose(site_of(folder, ports))
     store = site.parent / "demo-store"
     with ExitStack() as running:
         served = running.enter_context(Served(site))

@@ -39,6 +39,7 @@ from evertwin.fold import Event
 from evertwin.service.service import Service
 from evertwin.store import SqliteStore
 from planted.serving import Served
+from planted.worlds import told_its_pose
 from proofs._verdict import ended
 from proofs.broker import SAVED, Broker
 from proofs.kills import Kill as Point
@@ -222,7 +223,7 @@ def main(kills: int = 100, seed: int = 1, speed: float = 10.0) -> int:
         worn = both._replace(order=["100:friction.2=1.3", "300:friction.5=1.4"])
         arm = arm_options(worn, f"127.0.0.1:{ports['modbus']}", "")
         robot = robot_options(both, f"127.0.0.1:{broker.port}", topics="command,pose")
-        site = site_of(folder, ports)
+        site = told_its_pose(site_of(folder, ports))
         site.write_text(re.sub(r"(?m)^warm = .*", "warm = false", site.read_text()))
         with Served(site):  # once whole: the broker knows from here on for whom it keeps what comes
             time.sleep(10.0)

@@ -56,7 +56,8 @@ def cases() -> Iterator[Case]:
     grown = worn(*(fc * (1.0 + GROWTH * LATER) for fc in now[:2]))
     parts = "[components.gearbox1]\nFc1 = 8.0\n[components.gearbox2]\nFc2 = 9.0"
     yield Case("25 % faster", "[speed]\nfactor = 1.25", fast)
-    yield Case("2 kg at the tip", "load = { mass = 2.0 }", truth=Truth(payload=2.0))
+    load = "load = { mass = 2.0, centre = [0, 0, 0] }"
+    yield Case("2 kg at the tip", load, truth=Truth(payload=2.0))
     yield Case("new gearboxes", parts, truth=worn(8.0, 9.0))
     yield Case("worn in 10 runs", f"wear = {LATER}", truth=grown)
 

@@ -109,8 +109,8 @@ def test_a_sound_store_stays(call: Command, ran: Path) -> None:
 
 
 def test_what_is_exported_is_whole_or_says_what_is_left_out(call: Command, folder: Path) -> None:
-    toml, t = str(TWINS / "robot_live.toml"), np.arange(3) * 10**8
-    spec = read(TWINS / "robot_live.toml")
+    toml, t = str(TWINS / "robot_ros.toml"), np.arange(3) * 10**8  # commands, poses and scans
+    spec = read(TWINS / "robot_ros.toml")
     with closing(SqliteStore(folder / "live.db")) as store:
         chunks = [Chunk(one.name, t, np.ones((3, len(one.channels)))) for one in spec.source]
         scans = np.arange(540.0).reshape(3, 180)
@@ -125,7 +125,7 @@ def test_what_is_exported_is_whole_or_says_what_is_left_out(call: Command, folde
     with (folder / "s.mcap").open("rb") as file:
         found = make_reader(file).iter_messages(topics="scan")
         said = [json.loads(message.data) for _, _, message in found]
-    assert said[0]["ranges"][:2] == [None, 1.0] and said[2]["ranges"][-1] == 539.0
+    assert said[0]["/scan.ranges"][:2] == [None, 1.0] and said[2]["/scan.ranges"][-1] == 539.0
     two = export("s.csv")
     assert two.code == 2 and "--source command" in two.err and ".mcap" in two.err
     assert export("s.csv", "--source", "pose").code == 0

@@ -76,7 +76,7 @@ component = "gearbox"
 unit = "Nm"
 limit = 18
 [prognosis]
-ahead = 30
+ahead = "30 run"
 [prognosis.components.gearbox]
 failure = FAILURE
 maintenance = 900

@@ -24,7 +24,7 @@ maintenance = 900
 
 [prognosis]
 windows = 10
-ahead = 30
+ahead = "30 run"
 """
 
 

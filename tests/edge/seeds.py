@@ -190,7 +190,7 @@ failure = 9000
 maintenance = 900
 [prognosis]
 windows = 5
-ahead = 30
+ahead = "30 run"
 """
 
 

@@ -5,8 +5,10 @@ from __future__ import annotations
 import re
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta, timezone
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -58,6 +60,8 @@ def test_dates_without_a_zone_are_told_as_they_were_written(tmp_path: Path) -> N
     assert abs((end - BEGUN).days - 200) < 8 and f"ends on {end:%Y-%m-%d}" in text
     assert "lives are counted from 2025-07-17" in text and "20286" not in text
     assert found.to_dict()["now_date"] == "2025-07-17T00:00:00"
+    assert "these dates lie in the past: counted from the newest row" in text
+    assert dates["past"] == ["not_before", "median", "interval80", "interval95"]
 
 
 @pytest.mark.usefixtures("new_york")
@@ -98,6 +102,7 @@ def test_a_life_is_counted_from_today_where_that_is_asked(tmp_path: Path) -> Non
     one = life.components["capacity"]
     assert isinstance(one.life, Life) and one.life.interval80[0] < 50.0 < one.life.interval80[1]
     assert "its newest value is 12 d old" in str(life) and "days ago" not in str(life)
+    assert one.life.gone == [] and "in the past" not in str(life)
     old = told(tmp_path, lambda t: t.isoformat(), today=True).components["capacity"].life
     assert isinstance(old, NotEnough) and "a newer value than that of 2025-07-17" in old.needs
 
@@ -136,7 +141,10 @@ def test_what_is_said_to_a_plan_may_be_a_date(tmp_path: Path) -> None:
     assert planned.date(planned.items[0].after) == "2025-01-26"
     assert planned.to_csv().splitlines()[1].endswith(",2025-01-26")
     assert "wear: on 2025-01-26, after 6 d" in plan_text(planned)
-    assert planned.to_dict()["items"][0]["date"] == "2025-01-26"  # type: ignore[call-overload, index]
+    items: Any = planned.to_dict()["items"]
+    assert items[0]["date"] == "2025-01-26" and items[0]["past"] is True
+    later = replace(planned, now=Calendar("d", zoned=False).today())
+    assert not later.gone(0.0) and not replace(planned, calendar=None).gone(-1.0)
     for wrong in ("soon", "26.01.2025"):
         with pytest.raises(UsageError, match=f"or a date as in 2027-03-01, got '{wrong}'"):
             when_said(prospect, wrong, itself=True)

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from evertwin import Twin
-from evertwin.config import spec
-from evertwin.errors import UsageError
+from evertwin.config import read, spec
+from evertwin.errors import ConfigError, UsageError
 from evertwin.fold import Event
-from evertwin.prognosis.alarm_log import alarmed
-from evertwin.prognosis.laws import Life
+from evertwin.prognosis.alarm_log import alarmed, time_ahead
+from evertwin.prognosis.laws import Life, NotEnough
 from evertwin.prognosis.laws.alarms import Alarm
 from evertwin.prognosis.lives import Lives
 from evertwin.store import Batch, Estimate
@@ -130,7 +131,7 @@ def test_labels_that_cannot_be_read_are_told_and_can_be_withdrawn() -> None:
 
 def test_alarms_are_raised_once_and_within_the_budget() -> None:
     rules = (GEARBOX, replace(GEARBOX, name="gain2", component="coupling"))
-    twin = cart(*rules, prognosis=spec.PrognosisSpec(ahead=30.0))
+    twin = cart(*rules, prognosis=spec.PrognosisSpec(ahead="30 run"))
     worn(twin)
     first = twin.life()
     assert len(first.alarms) == 1 and len(first.held) == 1 and first.alarms_today == 1
@@ -145,9 +146,32 @@ def test_alarms_are_raised_once_and_within_the_budget() -> None:
     assert [e.signal for e in twin.events if e.kind == "alarm"] == ["coupling", "gearbox"]
 
 
+def test_a_lead_is_a_time_or_a_share_of_the_whole_life() -> None:
+    found = cart()
+    worn(found)
+    one = found.life().components["gearbox"]
+    assert isinstance(one.life, Life)
+    whole = one.age + one.life.median
+    share = time_ahead(spec.PrognosisSpec(ahead="25 %"), one)
+    assert share == pytest.approx(0.25 * whole)
+    assert time_ahead(spec.PrognosisSpec(ahead="30 runs"), one) == 30.0
+    assert time_ahead(spec.PrognosisSpec(clock="h", ahead="2 d"), one) == 48.0
+    assert time_ahead(spec.PrognosisSpec(), one) is None
+    assert time_ahead(spec.PrognosisSpec(ahead="25 %"), replace(one, life=NotEnough("x"))) is None
+
+
+@pytest.mark.parametrize("written", ["20", 20, "3 h", "20 cycle", "100 %", "-5 run", "soon"])
+def test_a_lead_that_may_be_either_is_asked_back(tmp_path: Path, written: object) -> None:
+    shown = f'"{written}"' if isinstance(written, str) else written
+    file = tmp_path / "w.toml"
+    file.write_text(f'schema = 1\nname = "w"\nmodel.kind = "robot1d"\nprognosis.ahead = {shown}\n')
+    with pytest.raises(ConfigError, match=r"w\.toml:4: .*ahead: expected"):
+        read(file)
+
+
 def test_stamps_tell_the_day_where_they_rise() -> None:
     rules = (GEARBOX, replace(GEARBOX, name="gain2", component="coupling"))
-    twin = cart(*rules, prognosis=spec.PrognosisSpec(ahead=30.0))
+    twin = cart(*rules, prognosis=spec.PrognosisSpec(ahead="30 run"))
     hour = 3600 * 10**9
     worn(twin, 14, stamp=hour)
     assert len(twin.life().held) == 1
@@ -158,7 +182,7 @@ def test_stamps_tell_the_day_where_they_rise() -> None:
 
 
 def test_what_cleared_and_returns_is_raised_again() -> None:
-    rule = spec.PrognosisSpec(ahead=30.0, alarms=100.0)
+    rule = spec.PrognosisSpec(ahead="30 run", alarms=100.0)
     twin = cart(prognosis=rule)
     worn(twin)
     due = twin.life()

@@ -61,7 +61,7 @@ class Speaks:
 
 def robot(folder: Path, timeout: str, monkeypatch: pytest.MonkeyPatch) -> Runner:
     """A robot whose camera is cut after ten samples, with such a time-out."""
-    twin = (TWINS / "robot_live.toml").read_text()
+    twin = (TWINS / "robot_pose.toml").read_text()
     assert twin.count('timeout = "3 s"\n') == 2
     (folder / "robot.toml").write_text(twin.replace('timeout = "3 s"\n', timeout))
     (folder / "store").mkdir()

@@ -10,7 +10,7 @@ from evertwin.config import TwinSpec
 from evertwin.config.spec import ModelSpec
 from evertwin.fold import Block, make_block
 from evertwin.machines.drive import DriveForce
-from evertwin.setup.friction_law import Chosen, acting
+from evertwin.setup.friction_law import Chosen, acting, climb_laws
 from evertwin.tuning import Problem, solve
 from evertwin.tuning.spec import TuningSpec
 
@@ -54,6 +54,13 @@ def test_a_peak_is_found_where_the_drive_has_it(kind: str) -> None:
     assert "vs 0" in found.causes["force"] and "m/s" in found.causes["force"]
 
 
+def test_a_drive_that_stands_has_a_peak_at_no_speed() -> None:
+    still = moved(1.0, 0)._replace(u=np.zeros((3000, 2)))
+    axis = twin()
+    problem = axis.problem([still])
+    assert climb_laws(axis.setup, problem)[0].parameters["vs"].value > 0.0
+
+
 def test_what_is_learned_of_slow_ways_back_holds_for_fast_ones() -> None:
     """Friction that falls with speed looks like one that is negative, seen creeping alone."""
     axis = twin()
@@ -82,3 +89,24 @@ def test_a_term_that_no_ladder_tries_is_of_the_law_too() -> None:
     found = axis.fit([moved(TOP["fast"], seed) for seed in range(4)])
     assert set(found.laws["force"].split("+")) == set(LAW.split("+")) - {"root"}
     assert {item.name: item.value for item in found.parameters}["Fs"] > 5.0
+
+
+@pytest.mark.parametrize("width", [0.003, 0.03])
+def test_the_width_of_a_smooth_switch_is_found_where_nobody_says_it(width: float) -> None:
+    """A drive may creep wholly within the width that stands for one that nobody has said."""
+    ladder = TuningSpec(ladder=("direction",))
+    axis = Twin(
+        TwinSpec("axis", ModelSpec("drive_force", options={"law": "tanh+direction"}), tuning=ladder)
+    )
+
+    def crept(seed: int) -> Block:
+        rows = moved(5.0 * width, seed)
+        v, a = rows.u.T
+        rng = np.random.default_rng(seed)
+        force = 40.0 * a + 3.0 * v + 20.0 * np.tanh(v / width) + rng.normal(0.0, 0.8, len(v))
+        return rows._replace(y=force[:, None])
+
+    found = axis.fit([crept(seed) for seed in range(3)])
+    values = {item.name: item.value for item in found.parameters}
+    assert values["width"] == pytest.approx(width, rel=0.1)
+    assert values["Fc"] == pytest.approx(20.0, rel=0.03)

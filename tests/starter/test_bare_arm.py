@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
+from importlib.resources import as_file, files
 from pathlib import Path
 
 import numpy as np
@@ -84,3 +86,20 @@ def test_one_joint_that_moves_tells_the_six_of_a_real_arm(
         for name, first in (("q", 0), ("qd", 6), ("tau", 12))
         for j in range(1, 7)
     }
+
+
+def test_a_described_arm_is_proposed_what_tells_its_wear(tmp_path: Path) -> None:
+    file, out = tmp_path / "run.csv", tmp_path / "run.toml"
+    np.savetxt(file, motion(1, 6), fmt="%.6f", delimiter=",")
+    with as_file(files("evertwin.machines").joinpath("data", "ur5_like.urdf")) as urdf:
+        write_starter([file], out, ("arm", urdf), True, False)
+    text = out.read_text().replace('scale = "?"', "scale = 1.0")
+    out.write_text(text)
+    head, _, block = text.partition("ask evertwin life:\n")
+    assert not read(out).indicator
+    block = re.sub(r"limit = \S.*#", "limit = 20  #", re.sub("^# ", "", block, flags=re.M))
+    out.write_text(head + "\n" + block)
+    rules = read(out).indicator
+    assert [one.component for one in rules] == [f"joint{j}" for j in range(1, 7)]
+    assert all(re.fullmatch(rf"Fc{j} \+ [0-9.]+ \* Fv{j}", str(one.formula))
+               for j, one in enumerate(rules, start=1))  # fmt: skip

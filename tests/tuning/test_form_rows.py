@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from evertwin.tuning.form_error import _apart, _best, _gains
+from evertwin.tuning.form_error import _apart, _best, _gains, _products
 from evertwin.tuning.form_rows import Asked, Shaped
 
 
@@ -21,4 +21,6 @@ def test_it_is_what_the_columns_themselves_say(seed: int) -> None:
     left, r = _apart(one, basis, whole)
     gains, length = _gains(left, r)
     assert len(terms) == len(gains) and (length < 1e-4).any()
-    assert _best(one, one.inputs["u"], basis, r) == pytest.approx(gains.max(), rel=1e-9)
+    found = _best(one, one.inputs["u"], _products(basis, columns), r)
+    assert found == pytest.approx(gains.max(), rel=1e-9)
+    assert _best(one, Shaped(np.zeros(400)), _products(basis, columns), r) == 0.0

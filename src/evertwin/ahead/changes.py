@@ -155,16 +155,20 @@ def faster(case: Case, factor: float) -> Case:
 
 
 def loaded(basis: Basis, case: Case, load: LoadSpec) -> Case:
-    """The tip carries a mass in one point.
+    """The tip carries a mass in one point; a point that nobody states is anywhere near.
 
     Raises:
         UsageError: the machine is no arm.
     """
     names = [f"payload.{name}" for name in NAMES]
-    values = dict(zip(names, point(load.mass, np.array(load.centre)).tolist(), strict=True))
+    centre = np.array(load.centre or (0.0, 0.0, 0.0))
+    values = dict(zip(names, point(load.mass, centre).tolist(), strict=True))
     if names[0] not in case.model.parameters.names:
         case = _with_payload(basis, case)
-    return _set(case, values)
+    case = _set(case, values)
+    sigma = case.sigma.copy()
+    sigma[case.model.parameters.indices(names[1:4])] = load.mass * load.loose
+    return replace(case, sigma=sigma)
 
 
 def _with_payload(basis: Basis, case: Case) -> Case:

@@ -43,23 +43,33 @@ class SpeedSpec(Section):
     """Above 1: faster."""
 
 
+WATER = 1000.0
+"""Density [kg/m³]: what an arm carries, hollow or of metal, is about as heavy."""
+
+
 @dataclass(frozen=True)
 class LoadSpec(Section):
     """``[load]``: what the tip carries.
 
-    >>> LoadSpec(2.0).centre
-    (0.0, 0.0, 0.0)
+    >>> round(LoadSpec(2.0).loose, 3), LoadSpec(2.0, centre=(0.0, 0.0, 0.1)).loose
+    (0.063, 0.0)
     """
 
     mass: Annotated[float, Quantity("kg"), Ge(0.0)]
     """Mass at the tip."""
-    centre: tuple[Metres, ...] = (0.0, 0.0, 0.0)
-    """Its centre in the tip's frame."""
+    centre: tuple[Metres, ...] | None = None
+    """Its centre in the tip's frame; absent: about the tip, as far off as a body of that mass may
+    be large."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if len(self.centre) != 3:
+        if self.centre is not None and len(self.centre) != 3:
             raise UsageError(f"centre: expected three lengths, got {len(self.centre)}")
+
+    @property
+    def loose(self) -> float:
+        """Standard deviation of where its centre is [m]: half the side of a cube of water."""
+        return 0.0 if self.centre is not None else 0.5 * (self.mass / WATER) ** (1.0 / 3.0)
 
 
 @dataclass(frozen=True)

@@ -265,9 +265,19 @@ def beside(basis: Basis, now: Today, scenario: ScenarioSpec, after: Case) -> Wha
         outcome = replace(outcome, path_error={**outcome.path_error, **errors})
     return WhatIf(
         basis.setup.spec.name, scenario.name, basis.champion, as_is, outcome,
-        notes=(*_misfit(basis, now), *notes, *beyond(basis, now.rows, after.future)),
+        notes=(
+            *_misfit(basis, now), *notes, *_unstated(scenario),
+            *beyond(basis, now.rows, after.future),
+        ),
         recorded=basis.recorded,
     )  # fmt: skip
+
+
+def _unstated(scenario: ScenarioSpec) -> tuple[str, ...]:
+    """That nobody says where the load's centre is."""
+    loose = 0.0 if scenario.load is None else scenario.load.loose
+    said = "where the load's centre is nobody says: intervals hold with it"
+    return (f"{said} {loose:.2g} m (rms) off the tip; state [load] centre",) if loose else ()
 
 
 def _misfit(basis: Basis, now: Today) -> tuple[str, ...]:

@@ -1,8 +1,9 @@
 """The demonstration, live: both machines run and speak, their twins improve themselves beside them.
 
 The arm speaks Modbus TCP, the robot MQTT through a broker that it brings; all in time-lapse, with
-the factor on the screen. While they run one axis wears, the arm is pushed and a camera lies: what
-the twins make of it is told as it becomes known. Nothing but what pip installs is needed.
+the factor on the screen. Where the robot is its twin tells by its scans; the true pose only scores
+that. While they run one axis wears, the arm is pushed and scans get lost: what the twins make of it
+is told as it becomes known. Nothing but what pip installs is needed.
 
     machine ─ Modbus ─► ┌─────────┐
                         │ service │ ─► lines on the screen, figures at the end
@@ -25,12 +26,15 @@ import typer
 
 from evertwin.app.console import Alive, show
 from evertwin.app.demo import shipped
+from evertwin.app.demo_truth import Truth, truth_at
 from evertwin.app.machines import Common, LiveMachine, arm_options, robot_options, told
 from evertwin.service.runner import Runner
 from evertwin.service.service import Service
+from evertwin.sources.live.contract import LiveSource
 
 SHOWN = ("suspected", "tuned", "corrected", "promoted", "measurement_error", "drift",
-         "rolled_back", "changed", "rejected", "abnormal", "external", "recurring")  # fmt: skip
+         "rolled_back", "changed", "rejected", "abnormal", "external", "recurring", "pose_lost",
+         "pose_found", "scans_missing")  # fmt: skip
 """Kinds of events that are told."""
 TOLERANCE = 0.02
 """A robot's twin that is off by more [m] adopts the measured pose: a position update."""
@@ -59,7 +63,7 @@ class Act(NamedTuple):
 STORY = (
     Act(200.0, "arm", "friction.2=1.3", "axis 2 of the arm wears: 30 % more friction"),
     Act(430.0, "arm", "push.1=120 for=0.5", "somebody pushes the arm"),
-    Act(500.0, "robot", "bias.x=100 for=6", "the robot's camera is off by 1 m for 6 s"),
+    Act(500.0, "robot", "drop=1 for=6", "all scans of the robot get lost for 6 s"),
 )
 
 
@@ -74,6 +78,10 @@ class Told:
     events: list[Mapping[str, Any]] = field(default_factory=list)
     updates: list[bool] = field(default_factory=list)
     """Row by row, whether the pose was adopted."""
+    t: list[int] = field(default_factory=list)
+    """Stamps of the rows [ns]."""
+    poses: list[list[float | None]] = field(default_factory=list)
+    """x, y, heading as they were taken."""
     improved: float | None = None
     """Seconds of ours until the first promotion."""
     samples: int = 0
@@ -161,11 +169,13 @@ def run_live_demo(
     ports = free_ports(("modbus", "mqtt", "http"))
     arm = arm_options(Common(seed, STANDS), f"127.0.0.1:{ports['modbus']}", "")
     robot = robot_options(
-        Common(seed, STANDS), None, f"127.0.0.1:{ports['mqtt']}", topics="command,pose"
-    )
+        Common(seed, STANDS), None, f"127.0.0.1:{ports['mqtt']}",
+        topics="command,scan,pose",
+    )  # fmt: skip
     service = Service(site_of(out, ports))
     with LiveMachine("arm", arm) as one, LiveMachine("robot", robot) as other:
-        found = asyncio.run(_beside(service, {"arm": one, "robot": other}, screen, seconds))
+        machines, truth = {"arm": one, "robot": other}, truth_at(ports["mqtt"])
+        found = asyncio.run(_beside(service, machines, truth, screen, seconds))
     content = {"schema": "evertwin.demo-live/1", "speed": speed, "seconds": seconds, **found}
     show(content, "\n".join(_summary(name, one) for name, one in found["twins"].items()), as_json)
 
@@ -178,22 +188,30 @@ def _summary(name: str, found: Mapping[str, Any]) -> str:
     told_ = "" if share is None else (
         f"; position updates a row: {share['before']:.2f} before, {share['after']:.2f} at the end"
     )  # fmt: skip
+    off = found.get("off_truth")
+    where = "" if off is None else (
+        f"; its pose is off the truth by {100 * off['place']:.2g} cm and {off['heading']:.2g} rad"
+    )  # fmt: skip
     return (
         f"{name}: {better}, {found['promoted']} promoted, {found['measurement_errors']} faults of "
-        f"sensors{told_}"
+        f"sensors{told_}{where}"
     )
 
 
 async def _beside(
-    service: Service, machines: Mapping[str, LiveMachine], screen: Screen, seconds: float
-) -> dict[str, Any]:
-    """The service beside the machines, and the story."""
+    service: Service, machines: Mapping[str, LiveMachine], source: LiveSource, screen: Screen,
+    seconds: float,
+) -> dict[str, Any]:  # fmt: skip
+    """The service beside the machines, and the story; ``source``: of the robot's true pose."""
     begun = time.monotonic()
     with Alive() as alive:
         alive.say("both machines start (MuJoCo, processes of their own)")
         waiting = (asyncio.to_thread(one.reached) for one in machines.values())
         reached = await asyncio.gather(*waiting)
         await service.start()
+    truth = Truth()
+    source.open()
+    listening = asyncio.create_task(truth.listen(source))
     controls = {name: one["control"] for name, one in zip(machines, reached)}
     for control in controls.values():
         await asyncio.to_thread(told, control, f"speed={screen.speed:g}")
@@ -212,7 +230,14 @@ async def _beside(
                 _listen(runner, said[name], screen, begun)
     finally:
         await service.stop()
-    return {"twins": {name: one.to_dict() for name, one in said.items()}}
+        listening.cancel()
+        source.close()
+    twins = {name: one.to_dict() for name, one in said.items()}
+    for name, one in said.items():
+        off = truth.score(one.t, one.poses)
+        if off is not None:
+            twins[name]["off_truth"] = {"place": off[0], "heading": off[1]}
+    return {"twins": twins}
 
 
 def _listen(runner: Runner, said: Told, screen: Screen, begun: float) -> None:
@@ -229,6 +254,9 @@ def _listen(runner: Runner, said: Told, screen: Screen, begun: float) -> None:
         if serial <= said.serial or "x" not in rows["outputs"]:
             continue
         said.serial = serial
+        said.t += rows["t"]
+        posed = (rows["outputs"][one]["measured"] for one in ("x", "y", "heading"))
+        said.poses += [list(one) for one in zip(*posed)]
         x, y = (rows["outputs"][axis]["residual"] for axis in "xy")
         for one, other in zip(x, y):
             off = (one or 0.0) ** 2 + (other or 0.0) ** 2 > TOLERANCE**2

@@ -4,15 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
 from annotated_types import Ge, Gt, Le
+from pydantic_core import CoreSchema, core_schema
 
 from evertwin.errors import UsageError
 from evertwin.models.spec import ChangeSpec
 from evertwin.settings.kinds import Amount, Duration, Fraction, Positive
-from evertwin.settings.notes import Quantity
+from evertwin.settings.notes import PlacedError, Quantity, expand
+from evertwin.settings.quantity import number, written
 from evertwin.settings.section import Section
+from evertwin.signals.units import conversion
+
+if TYPE_CHECKING:
+    from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
+    from pydantic.json_schema import JsonSchemaValue
 
 
 @dataclass(frozen=True)
@@ -161,6 +168,59 @@ class WorkSpec(Section):
             )
 
 
+class Lead(NamedTuple):
+    """How long before it a failure has to be foreseen.
+
+    >>> Lead.parse("10 %", "run"), Lead.parse("2 d", "h"), Lead.parse("20 run", "run")
+    (Lead(size=0.1, share=True), Lead(size=48.0, share=False), Lead(size=20.0, share=False))
+    """
+
+    size: float
+    share: bool
+    """Is it a part of the whole life, and no time on the clock?"""
+
+    @classmethod
+    def parse(cls, text: object, clock: str) -> Lead:
+        """A lead as it is written.
+
+        Raises:
+            UsageError: a number alone may be either; or it is none on this clock.
+        """
+        size, unit = written(expand(text)) if isinstance(text, str) else (0.0, "")
+        if unit == "%" and 0.0 < size < 100.0:
+            return cls(0.01 * size, share=True)
+        if size > 0.0 and unit.removesuffix("s") == clock and clock in COUNTS:
+            return cls(size, share=False)
+        if size > 0.0 and unit and clock not in COUNTS:
+            return cls(number(f"{size} {unit}", "s") / conversion(clock)[0], share=False)
+        raise UsageError(
+            f"expected a time on the clock, as in '20 {clock}', or a share of the whole life, as "
+            f"in '10 %', got {text!r}"
+        )
+
+
+COUNTS = ("run", "cycle")
+"""Clocks that count, and tell no time."""
+
+
+class Leads(NamedTuple):
+    """Marks the text of a `Lead`, which a number alone is not: a time or a share?
+
+    >>> Leads() == Leads()
+    True
+    """
+
+    def __get_pydantic_core_schema__(
+        self, source: object, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        return core_schema.any_schema()  # the section says what is wrong with it, by its clock
+
+    def __get_pydantic_json_schema__(
+        self, core: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        return {"type": "string"}
+
+
 @dataclass(frozen=True)
 class PrognosisSpec(Section):
     """``[prognosis]``: how lives are counted and maintenance is planned.
@@ -190,11 +250,23 @@ class PrognosisSpec(Section):
     visit: Annotated[float, Ge(0.0)] = 0.0
     """Cost of one stop for maintenance, whatever is done in it: components whose dates lie close
     share one. It comes on top of their ``maintenance``."""
-    ahead: Positive | None = None
-    """An alarm is due when a failure within this time is likelier than ``risk``, in units of the
-    clock; absent: a tenth of the whole life."""
+    ahead: Annotated[str, Leads()] | None = None
+    """An alarm is due when a failure within this time is likelier than ``risk``: on the clock
+    (``"20 run"``, ``"48 h"``), or a share of the whole life (``"10 %"``, which holds if absent)."""
     risk: Fraction = 0.1
     """Probability of failure that is not accepted."""
     alarms: Positive = 1.0
     """Budget: alarms per day of the recordings' stamps, per run where these begin at zero. That a
     limit is passed is told whatever the budget says."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        try:
+            _ = self.lead
+        except UsageError as error:
+            raise PlacedError(f"ahead: {error}", ("ahead",)) from error
+
+    @property
+    def lead(self) -> Lead | None:
+        """How long before it a failure has to be foreseen; None: nothing was said."""
+        return None if self.ahead is None else Lead.parse(self.ahead, self.clock)

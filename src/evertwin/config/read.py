@@ -21,7 +21,7 @@ from evertwin.errors import ConfigError, DataError, UsageError, naming
 from evertwin.settings.form import Form
 from evertwin.settings.notes import Path as Place
 from evertwin.settings.notes import dotted, expand
-from evertwin.sources.spec import SourceSpec
+from evertwin.sources.spec import ArraySpec, SourceSpec
 
 _ABOUT = """# The twin file
 
@@ -72,26 +72,35 @@ def reads(text: str, name: str = "") -> TwinSpec:
     return TWIN.parse(text, name)
 
 
+def recorded(twin: TwinSpec) -> tuple[SourceSpec | ArraySpec, ...]:
+    """What is read from recordings: the sources, and the scans that poses are made of."""
+    scan = "" if twin.perception is None else twin.perception.scan
+    return (*twin.source, *(one for one in twin.array if one.name == scan))
+
+
 def files_of(twin: TwinSpec, given: Sequence[str | Path] = ()) -> dict[int, tuple[Path, ...]]:
-    """The files of each source: those ``given``, sorted by ``match``, else those in the twin file.
-    A bag belongs to all sources of its topics, another file to the first that it fits.
+    """The files of each of what is `recorded`: those ``given``, sorted by ``match``, else those in
+    the twin file. A bag belongs to all sources of its topics, another file to the first source that
+    it fits; to scans belongs each file that fits them.
 
     Raises:
         ConfigError: an environment variable in a path is not set.
         DataError: a file or pattern matches nothing, or a given file belongs to no source.
     """
+    every, arrays = recorded(twin), range(len(twin.source), len(recorded(twin)))
     if not given:
-        return {i: _written(twin, i) for i in range(len(twin.source))}
-    found: dict[int, list[Path]] = {i: [] for i in range(len(twin.source))}
+        return {i: _written(twin, i) for i in range(len(every))}
+    found: dict[int, list[Path]] = {i: [] for i in range(len(every))}
     for item in given:
         path = Path(item)
         matches = [i for i, s in enumerate(twin.source) if fnmatch.fnmatch(path.name, s.match)]
         if not path.exists():
             raise DataError(f"{path}: no such file")
-        if not matches:
+        scans = [i for i in arrays if fnmatch.fnmatch(path.name, every[i].match)]
+        if not matches and not scans:
             raise DataError(f"{path}: belongs to no source of the twin: {_sources(twin)}")
         topics = [i for i in matches if _of_topic(twin.source[i])]
-        for i in topics if matches[0] in topics else matches[:1]:
+        for i in (*(topics if set(matches[:1]) <= {*topics} else matches[:1]), *scans):
             found[i].append(path)
     return {i: tuple(paths) for i, paths in found.items()}
 
@@ -102,7 +111,7 @@ def _sources(twin: TwinSpec) -> str:
             "it has none, so no file says which column is which channel: write [[source]] (source "
             "= (SourceSpec(…),) of a TwinSpec), or give the columns by name: a DataFrame, a dict"
         )
-    return f"they match {', '.join(repr(source.match) for source in twin.source)}"
+    return f"they match {', '.join(repr(source.match) for source in recorded(twin))}"
 
 
 def _of_topic(source: SourceSpec) -> bool:
@@ -112,12 +121,15 @@ def _of_topic(source: SourceSpec) -> bool:
 
 def _written(twin: TwinSpec, index: int) -> tuple[Path, ...]:
     paths: list[Path] = []
-    for text in twin.source[index].files:
-        with naming(f"{twin.name}: source[{index}].files", UsageError, ConfigError):
+    one = recorded(twin)[index]
+    array = isinstance(one, ArraySpec)
+    key = ("array", twin.array.index(one)) if array else ("source", index)
+    for text in one.files:
+        with naming(f"{twin.name}: {dotted((*key, 'files'))}", UsageError, ConfigError):
             pattern = str(Path(twin.folder) / expand(text))
         found = sorted(glob.glob(pattern)) if glob.has_magic(pattern) else [pattern]
         if not found or not Path(found[0]).exists():
-            where = place(twin, ("source", index, "files"))
+            where = place(twin, (*key, "files"))
             raise DataError(f"{pattern}: no such file: correct {where}, or give --data FILE")
         paths += [Path(item) for item in found]
     return tuple(paths)

@@ -21,6 +21,7 @@ from evertwin.config.prognosis import AccuracySpec, CostSpec, IndicatorSpec, Pro
 from evertwin.correction.spec import CorrectionSpec, SarsaSpec
 from evertwin.engine.spec import EngineSpec
 from evertwin.errors import UsageError
+from evertwin.features.spec import PerceptionSpec
 from evertwin.fold.span import Span
 from evertwin.models.spec import ModelSpec, ParameterSpec
 from evertwin.settings.notes import Hidden, Path, PlacedError, Rows, dotted
@@ -58,6 +59,7 @@ __all__ = [
     "ModelSpec",
     "MovingSpec",
     "ParameterSpec",
+    "PerceptionSpec",
     "PredictionSpec",
     "PrognosisSpec",
     "SarsaSpec",
@@ -94,6 +96,8 @@ class TwinSpec(Section):
     """Recorded sources, one ``[[source]]`` each."""
     array: tuple[ArraySpec, ...] = ()
     """Scans, images and the like, stored beside the rows, one ``[[array]]`` each."""
+    perception: PerceptionSpec | None = None
+    """The pose from scans; absent: it is recorded."""
     derive: tuple[DeriveSpec, ...] = ()
     """Channels computed from others, one ``[[derive]]`` each."""
     signals: Mapping[str, SignalSpec] = field(default_factory=dict)
@@ -139,6 +143,7 @@ class TwinSpec(Section):
         super().__post_init__()
         for place, rows, span in self._times():
             self._spans(rows, span, place)
+        self._perceives()
         for k, one in enumerate(self.derive):
             if one.op == "slope" and self.clock.rate is None:
                 raise PlacedError(
@@ -161,6 +166,36 @@ class TwinSpec(Section):
         except UsageError as error:
             keys = [f"{dotted(place)} = " for place, _, own in self._times() if own is span]
             raise UsageError("".join((*keys[:1], str(error)))) from error
+
+    def _perceives(self) -> None:
+        """What ``[perception]`` names is there."""
+        rule = self.perception
+        if rule is None:
+            return
+        found = {one.name: one.shape for one in self.array}
+        if len(found.get(rule.scan, ())) != 1:
+            there = ", ".join(found) or "none"
+            raise PlacedError(
+                f"perception: scan: expected the name of an [[array]] of ranges, as shape = [360], "
+                f"got {rule.scan!r}: there are {there}", ("perception", "scan"),
+            )  # fmt: skip
+        if any(source.name == rule.scan for source in self.source):
+            raise PlacedError(
+                f"perception: scan: a [[source]] is called {rule.scan!r} too: rename it",
+                ("perception", "scan"),
+            )
+        if self.clock.rate is not None and self.clock.gap is None:
+            raise PlacedError(
+                "perception: rows at a fixed rate lie between poses, also where there was none for "
+                "long: say [clock] gap, over how long at most, or every in place of [clock] rate",
+                ("perception",),
+            )
+        for key, names in (("wheels", rule.wheels), ("gyro", (rule.gyro,) * bool(rule.gyro))):
+            if names and not any({*names} <= {*one.channels} for one in self.source):
+                raise PlacedError(
+                    f"perception: {key}: no [[source]] has the channels {', '.join(names)}",
+                    ("perception", key),
+                )
 
     def _times(self) -> Iterator[tuple[Path, Rows, Span]]:
         """What may be written as rows or as a time, with its place and bounds."""

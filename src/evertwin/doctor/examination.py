@@ -70,6 +70,8 @@ class _Heard(Feed):
             parts.setdefault((chunk.source, chunk.task), []).append(chunk)
         names = {one.name: one.channels for one in self.brings(data)} if parts else {}
         for source, task in parts:
+            if source not in names:  # scans: their poses are judged as rows
+                continue
             files, count = self.files.get(source, []), sum(name == source for name, _ in parts)
             file = files[task].name if len(files) == count else f"recording {task}"
             listed = parts[source, task]

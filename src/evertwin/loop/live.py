@@ -13,7 +13,7 @@ Samples that come faster than they could be folded one by one are folded togethe
 `TOGETHER` of the last fold waits for the next sample after it, for the row of a beat, or for
 somebody who looks (`Live.settle`). So decisions are never late, and where rows are cut changes no
 bit. A store that outlives the process takes each sample at once. Arrays (scans, images) are stored
-and make no rows.
+and make no rows, unless ``[perception]`` makes a pose of them.
 """
 
 from __future__ import annotations
@@ -142,7 +142,7 @@ class Live:
         self._number = self._first - 1 if came is None else came.chunks
         for number, chunk in store.read_chunks(self._number + 1):
             self._number = number
-            if not self._samples.is_array(chunk):
+            if not self._aside(chunk):
                 self._align(chunk)
 
     @property
@@ -181,21 +181,25 @@ class Live:
         """
         # whoever pushed them may use the arrays again
         chunk = chunk._replace(t=chunk.t.copy(), v=chunk.v.copy())
-        if self._samples.is_array(chunk):
+        if self._aside(chunk):
             return self._samples.keep(chunk)
-        self._alignment.align.check(chunk)  # what does not fit is neither stored nor folded
+        self._alignment.check(chunk)  # what does not fit is neither stored nor folded
         return self._samples.keep(chunk) if self.lasting else Numbered(0, chunk)
 
     def fold(self, kept: Numbered) -> None:
         """What was kept, in the order in which it was."""
         self._number, chunk = kept
-        if self._samples.is_array(chunk):
+        if self._aside(chunk):
             return
         self._pushed.append(chunk)
         self._room -= len(chunk.t)
         waits = self._room > 0 and time.perf_counter() < self._folded + TOGETHER
         if not (waits and chunk.task == self._newest):
             self.settle()
+
+    def _aside(self, chunk: Chunk) -> bool:
+        """Is a chunk of arrays that no row is made of?"""
+        return self._samples.is_array(chunk) and not self._alignment.takes(chunk.source)
 
     def settle(self) -> None:
         """Folds the samples that wait."""

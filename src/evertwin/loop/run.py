@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 from evertwin.config import TwinSpec
 from evertwin.engine import Engine, InProcess
 from evertwin.errors import DataError, ModelError, StoreError, UsageError
+from evertwin.features.perception import PERCEIVED
 from evertwin.fold import Answer, Block, Event, Record, canonical, copy
 from evertwin.ledger.begun import Begun
 from evertwin.ledger.fingerprint import Followed as Prints
@@ -62,6 +63,10 @@ def settings_hash(spec: TwinSpec, feeds: Sequence[Brings] = ()) -> str:
     told = {f.name: getattr(spec, f.name) for f in fields(spec) if f.name not in ASIDE}
     told |= {"feeds": feeds, "derive": spec.derive} if feeds else {}
     return hashlib.sha256(canonical(told).encode()).hexdigest()
+
+
+OF_ROWS = ("gap", "leapt", "unknown", *PERCEIVED)
+"""Kinds of events of the alignment that are told beside those of a run."""
 
 
 class _Come(NamedTuple):
@@ -150,7 +155,7 @@ class Run:
         aligned = (
             replace(event, row=event.row - place.offset, time=event.time - place.moved)
             for event in had.events
-            if event.kind in ("gap", "leapt", "unknown", *KINDS) and event.row >= place.offset
+            if event.kind in (*OF_ROWS, *KINDS) and event.row >= place.offset
         )
         events = tuple(sorted((*aligned, *result.events), key=lambda event: event.row))
         return replace(

@@ -79,6 +79,8 @@ def in_words(
 
     >>> in_words([("Fc", 12.0, 12.1), ("mass", 80.0, 110.0)], {"mass": "kg", "Fc": "N"}, {})
     'mass 80 → 110 kg, Fc 12 → 12.1 N'
+    >>> in_words([("a", 1.0, 9.0)], {"a": "1"}, {}, ["a"])
+    'a 1 → 9 (weak)'
     >>> in_words([("k", 0.222, 0.121)], {"k": "1"}, {}, steps={"k": [0.0257]})
     'k 0.222 → 0.0257 → 0.121'
     >>> in_words([("a", 0.0, 9.0), ("b", 0.0, 2.0)], {"a": "1", "b": "1"}, {},
@@ -97,9 +99,13 @@ def in_words(
     most = sorted(moves, key=size, reverse=True)
     told = [
         f"{name} {_way(old, *(steps or {}).get(name, ()), now)} {units[name]}".removesuffix(" 1")
+        + (" (weak)" if name in weak else "")
         for name, old, now in most[:FEW]
     ]
-    return ", ".join(told) + (f", and {len(moves) - FEW} more" if len(moves) > FEW else "")
+    rest = [name for name, *_ in most[FEW:]]
+    vague = sum(name in weak for name in rest)
+    told += [f"and {len(rest)} more" + (f" ({vague} of them weak)" if vague else "")] * bool(rest)
+    return ", ".join(told)
 
 
 def _way(first: float, *more: float) -> str:
@@ -135,7 +141,8 @@ def spelled(event: Event, setup: Setup, versions: Versions, live: int) -> Event:
         halves = _halves({name: now for name, _, now in moves}, [event])
         moved = [move for move in moves if move[1] != move[2]]
         rest = event.reason.split("; ")[1:]
-        said = "; ".join([f"tuned {in_words(moved, units, halves)}", *rest])
+        weak = [name for name, one in own.items() if one["verdict"] != "identifiable"]
+        said = "; ".join([f"tuned {in_words(moved, units, halves, weak)}", *rest])
         return replace(event, reason=said) if moved else event
     if event.kind == "alternates":
         known: Any = event.evidence

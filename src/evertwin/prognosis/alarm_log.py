@@ -20,9 +20,11 @@ from evertwin.prognosis.laws.alarms import (
     Kind,
     alarm_of,
     has_cleared,
+    lead,
     within_budget,
 )
-from evertwin.prognosis.lives import Lives
+from evertwin.prognosis.laws.life import Life
+from evertwin.prognosis.lives import ComponentLife, Lives
 from evertwin.prognosis.parameter_history import dated, history
 from evertwin.store import Store
 
@@ -72,6 +74,14 @@ def alarmed(store: Store, lives: Lives, rule: PrognosisSpec) -> tuple[Lives, tup
         for alarm in spent.raised
     ]  # fmt: skip
     return replace(lives, alarms=shown, held=spent.held, alarms_today=spent.today), tuple(events)
+
+
+def time_ahead(rule: PrognosisSpec, one: ComponentLife) -> float | None:
+    """Time on the clock within which a failure has to be foreseen; None: nothing was said."""
+    told = rule.lead
+    if told is None or not told.share:
+        return None if told is None else told.size
+    return lead(one.indicator, one.life, told.size) if isinstance(one.life, Life) else None
 
 
 Key = tuple[str, Kind]
@@ -138,6 +148,7 @@ def _is_clear(key: Key, value: Any, lives: Lives, rule: PrognosisSpec) -> bool:
     one = lives.components.get(component)
     if one is None:
         return False  # no longer looked at
-    stands = alarm_of(component, one.indicator, one.life, rule.ahead, RELEASE * rule.risk)
+    ahead = time_ahead(rule, one)
+    stands = alarm_of(component, one.indicator, one.life, ahead, RELEASE * rule.risk)
     left = value is not None and value not in one.indicator.value  # it counts no more
     return (stands is None and left) or has_cleared(kind, one.life, stands)

@@ -159,9 +159,12 @@ def said(life: Life | NotEnough) -> str:
             told.said(life.now + x, zone=x == life.median)
             for x in (low, life.median, high, life.not_before)
         )
+        gone = life.gone
+        parts = "" if "interval80" in gone else ", or some of them,"
+        past = f"; these dates{parts} lie in the past: counted from the newest row"
         return (
             f"ends on {half} (80 %: {first} … {last}), not before {surely} (95 %){law}; in "
-            f"{life.median:.4g} {life.unit}"
+            f"{life.median:.4g} {life.unit}{past if gone else ''}"
         )
     return (
         f"{life.median:.4g} {life.unit} (80 %: {low:.4g} … {ends}), not before "

@@ -122,8 +122,7 @@ def life_of_series(asked: Series, *, drawn: bool = False) -> Lives:
     if drawn and isinstance(life, Life):
         way = course(own, life, LAWS, fleet)
         one = replace(one, course=way, by_law=courses_by_law(own, life))
-    spec = PrognosisSpec()
-    due = alarm_of(column, own, life, spec.ahead, spec.risk)
+    due = alarm_of(column, own, life, None, PrognosisSpec().risk)
     now = float(own.at[-1]) if len(own.at) else 0.0
     return Lives(
         asked.file.name, clock, {column: one}, None, () if due is None else (due,),

@@ -17,7 +17,7 @@ from evertwin.ahead.basis import Basis
 from evertwin.ahead.whatif import Today, today
 from evertwin.config.prognosis import IndicatorSpec, PrognosisSpec
 from evertwin.errors import ConfigError
-from evertwin.prognosis.alarm_log import called_false
+from evertwin.prognosis.alarm_log import called_false, time_ahead
 from evertwin.prognosis.another_type import of_its_type
 from evertwin.prognosis.contradictions import check_end, check_limit
 from evertwin.prognosis.course import Course, course, courses_by_law
@@ -222,7 +222,7 @@ class Prospect:
                 components[one.component] = one
         due = (
             alarm_of(
-                name, one.indicator, one.life, self.rule.ahead, self.rule.risk,
+                name, one.indicator, one.life, time_ahead(self.rule, one), self.rule.risk,
                 self._in_doubt(one.rule),
             )
             for name, one in components.items()
@@ -242,7 +242,7 @@ class Prospect:
         """Times from now at which probabilities are told: windows, else the time ahead."""
         rule = self.rule
         if rule.windows is None:
-            return () if rule.ahead is None else (rule.ahead,)
+            return () if rule.lead is None or rule.lead.share else (rule.lead.size,)
         dates = (rule.window + k * rule.windows for k in range(5))
         return tuple(date for date in dates if date > 0.0)[:4]
 

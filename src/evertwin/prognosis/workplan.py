@@ -246,7 +246,7 @@ def _piece(basis: Basis, today: Today, work: WorkSpec, scenario: ScenarioSpec | 
     told = ScenarioSpec(
         work.name, folder=basis.setup.spec.folder, parameters=work.parameters,
         speed=None if work.speed == 1.0 else SpeedSpec(work.speed),
-        load=None if work.load == 0.0 else LoadSpec(work.load),
+        load=None if work.load == 0.0 else LoadSpec(work.load, centre=(0.0, 0.0, 0.0)),
         path=None if work.path is None else PathSpec(file=work.path),
     )  # fmt: skip
     until = float("inf") if work.until is None else work.until

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal, NamedTuple
 
@@ -26,14 +26,18 @@ import numpy as np
 
 from evertwin.config import TwinSpec
 from evertwin.errors import ConfigError
-from evertwin.fold import Block, Chunk, Event
+from evertwin.features.perception import PerceptionState
+from evertwin.fold import Block, Chunk, Event, concatenate
 from evertwin.models import Model, remembers
 from evertwin.models.contract import is_adopted
 from evertwin.rows.channels import is_held, is_kept, is_measured, recorded_as
+from evertwin.rows.perceiving import Perceiving, with_pose
 from evertwin.signals import Channel, Layout
 from evertwin.signals.fir import Symmetric
 from evertwin.signals.units import compatible
+from evertwin.sources.scans import Lidar
 from evertwin.sync import Align, AlignState, Feed, Rows
+from evertwin.sync.align import TICK
 from evertwin.sync.derive import Derive, DeriveState, Operation, Taken
 from evertwin.sync.horizon import nanoseconds
 from evertwin.sync.steady_loop import LONGEST
@@ -52,11 +56,13 @@ class AlignmentState(NamedTuple):
     """State of `Alignment`.
 
     >>> AlignmentState._fields
-    ('align', 'derive')
+    ('align', 'derive', 'perceived')
     """
 
     align: AlignState
     derive: DeriveState
+    perceived: PerceptionState | tuple[()] = ()
+    """Empty where no pose is made of scans."""
 
 
 @dataclass(frozen=True)
@@ -65,14 +71,20 @@ class Alignment:
 
     align: Align
     derive: Derive
+    perceiving: Perceiving | None = None
 
     @classmethod
-    def of(cls, spec: TwinSpec, model: Model, feeds: Sequence[Feed]) -> Alignment:
-        """As the twin file says, for sources that bring ``feeds``.
+    def of(
+        cls, spec: TwinSpec, model: Model, feeds: Sequence[Feed], lidar: Lidar | None = None
+    ) -> Alignment:
+        """As the twin file says, for sources that bring ``feeds``; ``lidar``: where recorded beams
+        look.
 
         Raises:
             ConfigError: a channel is neither recorded nor derived, or an operation lacks a rate.
         """
+        every, feeds = feeds, with_pose(spec, recorded_for(spec, model), feeds)
+        perceiving = Perceiving.of(spec, every, feeds, lidar)
         operations = _operations(spec)
         dynamic = len(model.states) > 0
         computed = {one.name for one in operations}
@@ -114,7 +126,7 @@ class Alignment:
         derive = Derive(
             names, operations, tuple(inputs), tuple(outputs), clock.rate, (span[0], span[1])
         )
-        return cls(align, derive)
+        return cls(align, derive, perceiving)
 
     @cached_property
     def plain(self) -> bool:
@@ -130,7 +142,21 @@ class Alignment:
 
     def init(self) -> AlignmentState:
         """The state before the first sample."""
-        return AlignmentState(self.align.init(), self.derive.init())
+        perceived = () if self.perceiving is None else self.perceiving.init()
+        return AlignmentState(self.align.init(), self.derive.init(), perceived)
+
+    def takes(self, source: str) -> bool:
+        """Are poses made of the scans of a source?"""
+        return self.perceiving is not None and source == self.perceiving.rule.scan
+
+    def check(self, chunk: Chunk) -> None:
+        """Does a chunk fit its source?
+
+        Raises:
+            DataError: the source is unknown, or has another number of columns.
+        """
+        if self.perceiving is None or self.perceiving.check(chunk):
+            self.align.check(chunk)
 
     def step(
         self, state: AlignmentState, chunk: Chunk
@@ -140,17 +166,47 @@ class Alignment:
         Raises:
             DataError: the source is unknown, or has another number of columns.
         """
+        if self.perceiving is None or chunk.source == TICK:
+            return self._aligned(state, chunk)
+        self.check(chunk)
+        assert isinstance(state.perceived, PerceptionState)
+        state, given = self._taken(state, *self.perceiving.step(state.perceived, chunk))
+        return state, *_joined(given)
+
+    def _taken(
+        self, state: AlignmentState, perceived: PerceptionState, pieces: Sequence[Chunk | Event]
+    ) -> tuple[AlignmentState, list[_Given]]:
+        """What came of each piece: of samples, or of what is to be told before the next row."""
+        state, given = state._replace(perceived=perceived), []
+        for piece in pieces:
+            if isinstance(piece, Event):
+                event = replace(piece, row=self.align.row(state.align))
+                given.append(_Given(None, (event,)))
+                continue
+            state, rows, events = self._aligned(state, piece)
+            given.append(_Given(rows, events))
+        return state, given
+
+    def _aligned(
+        self, state: AlignmentState, chunk: Chunk
+    ) -> tuple[AlignmentState, Block | None, tuple[Event, ...]]:
         aligned, out = self.align.step(state.align, chunk)
         derived, rows, wrong = self._derived(state.derive, out.rows, ends=False)
-        return AlignmentState(aligned, derived), rows, (*_told(out.records), *wrong)
+        state = state._replace(align=aligned, derive=derived)
+        return state, rows, (*_told(out.records), *wrong)
 
     def flush(
         self, state: AlignmentState
     ) -> tuple[AlignmentState, Block | None, tuple[Event, ...]]:
         """The rows that wait leave, since the data ends here."""
+        given = list[_Given]()
+        if self.perceiving is not None:
+            assert isinstance(state.perceived, PerceptionState)
+            state, given = self._taken(state, *self.perceiving.flush(state.perceived))
         aligned, out = self.align.flush(state.align)
         derived, rows, wrong = self._derived(state.derive, out.rows, ends=True)
-        return AlignmentState(aligned, derived), rows, (*_told(out.records), *wrong)
+        given.append(_Given(rows, (*_told(out.records), *wrong)))
+        return state._replace(align=aligned, derive=derived), *_joined(given)
 
     def _derived(
         self, state: DeriveState, rows: Rows | None, *, ends: bool
@@ -170,6 +226,19 @@ class Alignment:
             return state, None, wrong
         whole = Rows(*(np.concatenate(column) for column in zip(*found, strict=True)))
         return state, whole.block, wrong
+
+
+class _Given(NamedTuple):
+    """What came of one piece."""
+
+    rows: Block | None
+    events: tuple[Event, ...]
+
+
+def _joined(given: Sequence[_Given]) -> _Given:
+    blocks = [one.rows for one in given if one.rows is not None]
+    events = tuple(event for one in given for event in one.events)
+    return _Given(concatenate(blocks) if blocks else None, events)
 
 
 class _Columns(NamedTuple):

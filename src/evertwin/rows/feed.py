@@ -15,7 +15,8 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from evertwin.config import TwinSpec, files_of
-from evertwin.config.spec import SourceSpec
+from evertwin.config.read import recorded
+from evertwin.config.spec import ArraySpec, SourceSpec
 from evertwin.errors import ConfigError, DataError, UsageError
 from evertwin.fold import Block, Chunk, Event, concatenate, take
 from evertwin.models import Model
@@ -24,8 +25,10 @@ from evertwin.rows.crop import cropped
 from evertwin.rows.given import COLUMNS, Given, given, unknown
 from evertwin.rows.time_scale import doubt, would_fit
 from evertwin.sources.in_memory import Frame, in_memory
-from evertwin.sources.merging import Excerpt, each_once, merge
+from evertwin.sources.merging import MOST, Excerpt, each_once, merge
 from evertwin.sources.recorded import Recorded
+from evertwin.sources.recorded_scans import RecordedScans
+from evertwin.sources.scans import Lidar
 from evertwin.sources.tally import Tally
 from evertwin.sync import Feed as Brings
 
@@ -62,6 +65,8 @@ class Feed:
     """By source, in the order in which they were read."""
     moved: dict[int, int] = field(default_factory=dict)
     """Tasks so far whose stamps were moved behind those of the task before, by how much [ns]."""
+    _scans: dict[tuple[Path, ...], RecordedScans] = field(default_factory=dict, init=False)
+    """Those that are read."""
 
     def blocks(self, data: Data = None) -> Iterator[Block]:
         """One block a task, cropped; row numbers and tasks run on over all of them.
@@ -109,7 +114,8 @@ class Feed:
             yield from ready
             return
         try:
-            alignment = Alignment.of(self.spec, self.model, self.brings(data))
+            feeds = self.brings(data)
+            alignment = Alignment.of(self.spec, self.model, feeds, self._lidar(data))
         except ConfigError as error:
             raise ConfigError(f"{self._unfed(data)}{error}") from None
         state, empty = alignment.init(), True
@@ -135,7 +141,7 @@ class Feed:
         if data is None or given(self.spec, self.model, data) is not None:
             return ""
         files = files_of(self.spec, [part.path for part in _parts(data)])
-        names = [source.name for source in self.spec.source]
+        names = [source.name for source in recorded(self.spec)]
         none = ", ".join(names[i] for i, paths in files.items() if not paths)
         went = "; ".join(
             f"{', '.join(path.name for path in paths)} went to source {names[i]}"
@@ -168,7 +174,7 @@ class Feed:
         """What each source brings."""
         held = given(self.spec, self.model, data)
         read = self._wanted(data) if held is None else [one.source for one in held]
-        return tuple(map(_brought, read))
+        return tuple(_brought(one) for one in read if isinstance(one, SourceSpec))
 
     def live(self, named: Sequence[str] = ()) -> tuple[Brings, ...]:
         """What the sources of a running machine bring; without any, one of columns by name."""
@@ -218,19 +224,35 @@ class Feed:
     def _merged(
         self, files: Mapping[int, tuple[Path, ...]], moved: dict[int, int] | None = None
     ) -> Iterator[Chunk]:
-        sources = [
-            self._recorded(self.spec.source[i], paths).read() for i, paths in files.items() if paths
-        ]
-        return merge(sources, moved=moved)
+        every = recorded(self.spec)
+        sources = [self._reader(every[i], paths).read() for i, paths in files.items() if paths]
+        return merge(sources, moved=moved, most=MOST if self.spec.perception is None else 1)
 
-    def _wanted(self, data: Any) -> list[SourceSpec]:
+    def _lidar(self, data: Any) -> Lidar | None:
+        """Where the beams of recorded scans look; None: their recording does not say it.
+
+        Raises:
+            ConfigError: there are none.
+        """
+        if self.spec.perception is None or given(self.spec, self.model, data) is not None:
+            return None
+        files = files_of(self.spec, [part.path for part in _parts(data)])
+        every = recorded(self.spec)
+        for i, paths in files.items():
+            one = self._reader(every[i], paths) if paths else None
+            if isinstance(one, RecordedScans):
+                return one.lidar
+        raise ConfigError("[perception] makes the pose of scans: give their recording too")
+
+    def _wanted(self, data: Any) -> list[SourceSpec | ArraySpec]:
         """The sources that have files."""
         files = files_of(self.spec, [part.path for part in _parts(data)])
         if not any(files.values()):
             raise UsageError(
                 f"{self.spec.name}: no data: name files in [[source]] or give them (--data FILE)"
             )
-        return [self.spec.source[i] for i, paths in files.items() if paths]
+        every = recorded(self.spec)
+        return [every[i] for i, paths in files.items() if paths]
 
     def _recordings(
         self, parts: Sequence[Excerpt]
@@ -253,7 +275,12 @@ class Feed:
         tally.notes += one.notes
         return Recorded.of(one.source, one.recordings, tally).read()
 
-    def _recorded(self, spec: SourceSpec, paths: tuple[Path, ...]) -> Recorded:
+    def _reader(
+        self, spec: SourceSpec | ArraySpec, paths: tuple[Path, ...]
+    ) -> Recorded | RecordedScans:
+        if isinstance(spec, ArraySpec):
+            tally = self.tallies.setdefault(spec.name, Tally(spec.name))
+            return self._scans.setdefault(paths, RecordedScans(spec, paths, tally))
         self.files.setdefault(spec.name, []).extend(paths)
         return Recorded.of(spec, paths, self._tally(spec))
 

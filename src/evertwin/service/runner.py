@@ -34,7 +34,7 @@ from evertwin.service.lives import tell_lives
 from evertwin.service.plan import Plan
 from evertwin.service.questions import answer
 from evertwin.service.queued import PATIENCE, at_rest, together
-from evertwin.service.silence import Silence
+from evertwin.service.silence import Silence, timeouts_of
 from evertwin.service.status import LONG, MAKING, status_of
 from evertwin.service.tellers import tellers
 from evertwin.service.warming import warm
@@ -78,7 +78,7 @@ class Runner:
         self.dropped = 0
         """Samples that were dropped because too many waited."""
         self.row = 0
-        timeouts = {} if plan.spec is None else {s.name: s.timeout for s in plan.spec.source}
+        timeouts = {} if plan.spec is None else timeouts_of(plan.spec)
         self._silence = Silence(timeouts, time.monotonic())
         asked = plan.spec is not None and math.isfinite(plan.spec.anomaly.requirement)
         self.condition = Condition(timeouts, plan.entry.stale, asked=asked)

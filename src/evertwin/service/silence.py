@@ -20,11 +20,18 @@ from collections.abc import AsyncIterator, Mapping
 
 import numpy as np
 
+from evertwin.config import TwinSpec
 from evertwin.fold import Chunk
 from evertwin.sync.horizon import nanoseconds
 
 LEAST, MOST = 0.05, 0.5
 """Seconds from one look to the next."""
+
+
+def timeouts_of(spec: TwinSpec) -> dict[str, float]:
+    """How long rows wait for each source of a twin, and for its scans where they tell its pose."""
+    rule = spec.perception
+    return {s.name: s.timeout for s in spec.source} | ({rule.scan: rule.timeout} if rule else {})
 
 
 class Silence:

@@ -19,7 +19,8 @@ import numpy as np
 
 from evertwin.anomaly.run_length import limit_for
 from evertwin.compiled.functions import at_once
-from evertwin.config.spec import TwinSpec
+from evertwin.config.read import recorded
+from evertwin.config.spec import ArraySpec, TwinSpec
 from evertwin.engine import EngineSpec, Pool
 from evertwin.fold import Chunk
 from evertwin.models.terms import kernel
@@ -76,8 +77,10 @@ def warm(own: TwinSpec) -> None:
     with Twin(spec) as twin:
         for piece in range(4):
             stamps = ((np.arange(50) + 50 * piece) / rate * 1e9).astype(np.int64)
-            for one in spec.source:
-                twin.push(Chunk(one.name, stamps, np.zeros((50, len(one.channels)))))
+            for one in recorded(spec):  # scans are of a round room
+                shape = one.shape if isinstance(one, ArraySpec) else (len(one.channels),)
+                value = 2.0 if isinstance(one, ArraySpec) else 0.0
+                twin.push(Chunk(one.name, stamps, np.full((50, *shape), value)))
         _decisions(twin.setup)
 
 

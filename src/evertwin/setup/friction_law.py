@@ -6,11 +6,12 @@ stands on. The twin file says in which order terms are tried (``[tuning] ladder`
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from types import MappingProxyType
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 
@@ -24,7 +25,7 @@ from evertwin.setup.setup import Setup
 from evertwin.setup.windows import apart
 from evertwin.tuning import Fit, Problem
 from evertwin.tuning.tangent import Inside, searched
-from evertwin.tuning.terms import climb_terms, folded
+from evertwin.tuning.terms import GAIN, climb_terms, folded
 from evertwin.tuning.unseen import held_out, on
 from evertwin.types import PerOutput
 
@@ -34,6 +35,9 @@ FASTEST = 0.99
 """Quantile of a drive's speeds that stands for its fastest."""
 SHARES = np.geomspace(0.01, 0.5, 12)
 """Of the fastest speed, at which what is within a term may fall."""
+CREEPS = 10.0
+"""Widths of a switch (that stands where nobody says it) below which a drive's fastest speed is a
+creep."""
 PARTS = 4
 """Parts that a single task is cut into."""
 MOST = 2 / 3
@@ -56,6 +60,10 @@ class Laddered(Protocol):
     def law_name(self, output: int, terms: Sequence[str]) -> str:
         """The law of an output that has these of its terms."""
         ...
+
+
+Speeds: TypeAlias = tuple[tuple[str, float], ...]
+"""Names of speeds inside of a law, each with what it is where nobody says."""
 
 
 class Chosen(NamedTuple):
@@ -150,7 +158,9 @@ def climb_laws(setup: Setup, problem: Problem) -> tuple[Problem, Chosen]:
     model, tried = problem.model, _tried(setup, problem)
     if not tried:
         return problem, Chosen()
-    plain, problem = problem, _shaped(problem, tried)
+    fastest = _fastest(problem)
+    plain = _switched(problem, tried, fastest)
+    problem = _shaped(plain, tried, fastest)
     few = tuple(_thinned(window) for window in problem.windows)
 
     def pushing(values: Mapping[str, float]) -> Collection[str]:
@@ -200,57 +210,114 @@ def _chosen(
     return Chosen(laws, {joint: cause for joint, cause in causes.items() if cause}, taken)
 
 
-def _shaped(problem: Problem, tried: Sequence[Rung]) -> Problem:
+def _switched(problem: Problem, tried: Sequence[Rung], fastest: Sequence[float]) -> Problem:
+    """The problem with the widths of smooth switches, of drives that creep and where nobody has
+    said them, that leave clearly less on unseen rows. Faster ones hardly show them, and where a
+    term of the law could stand for it a width would trade with that."""
+    names = _without(problem, tried)
+    open_ = {
+        r.output: r.width
+        for r in tried
+        if fastest and _creeps(r, fastest) and _unsaid(problem, r.width)
+    }
+    if not (open_ and names):
+        return problem
+    plain = replace(problem, editable=names, windows=_folds(apart(problem.windows)))
+    best = _best(plain, [*open_.items()], fastest, (1.0 - GAIN) * folded(plain))
+    if not best:
+        return problem
+    near = replace(problem.tuning(names), prior=problem.parameters.with_values(best))
+    own = [[n for n, _ in open_.get(k, ()) if n in best] for k in range(len(fastest))]
+    return replace(problem, prior=searched(near, own).parameters)
+
+
+def _shaped(problem: Problem, tried: Sequence[Rung], fastest: Sequence[float]) -> Problem:
     """The problem with the speeds inside of its terms, where nobody has said them, at those shares
     of a drive's fastest with which the term leaves least on unseen rows: what creeps for one drive
     is fast for another."""
-    model, items = problem.model, problem.parameters
-    open_ = [r for r in tried if r.shape and all(items[n].value == x for n, x in r.shape)]
-    if not (open_ and problem.linear and isinstance(model, Resisting)):
+    open_ = [r for r in tried if fastest and r.shape and _unsaid(problem, r.shape)]
+    if not open_:
         return problem
-    u, y = (np.concatenate([getattr(w, name) for w in problem.windows]) for name in ("u", "y"))
-    drives = model.rubbed(u, y, items.values)
-    if len(drives) != len(model.outputs.names):
-        return problem
-    fastest = [float(np.nanquantile(np.abs(drive.speed), FASTEST)) for drive in drives]
-    others = {name for rung in tried if rung not in open_ for name in rung.add}
-    names = tuple(name for name in problem.names if name not in others)
+    names = _without(problem, [rung for rung in tried if rung not in open_])
     shaped = replace(problem, editable=names, windows=_folds(apart(problem.windows)))
-    least = np.full(len(fastest), np.inf)
-    best = {name: fastest[rung.output] for rung in open_ for name, _ in rung.shape}
-    for share in SHARES.tolist():
-        speeds = {
-            name: float(np.clip(share * fastest[rung.output], items[name].low, items[name].high))
-            for rung in open_
-            for name, _ in rung.shape
-        }
-        left = folded(replace(shaped, prior=items.with_values(speeds)))
-        for rung in open_:
-            if left[rung.output] < least[rung.output]:
-                best |= {name: speeds[name] for name, _ in rung.shape}
-        least = np.fmin(least, left)
-    near = replace(problem.tuning(names), prior=items.with_values(best))
+    there, least = [(r.output, r.shape) for r in open_], np.full(len(fastest), np.inf)
+    # of a drive that stands any speed leaves as much
+    best = _at(problem, there, fastest) | _best(shaped, there, fastest, least)
+    near = replace(problem.tuning(names), prior=problem.parameters.with_values(best))
     found = searched(near, inside(near)).parameters
     return replace(problem, prior=found)
 
 
+def _best(
+    problem: Problem,
+    inside: Sequence[tuple[int, Speeds]],
+    fastest: Sequence[float],
+    least: PerOutput,
+) -> dict[str, float]:
+    """At which share of its output's fastest speed each of these leaves less than ``least``."""
+    items, best, least = problem.parameters, dict[str, float](), least.copy()
+    for share in SHARES.tolist():
+        speeds = _at(problem, inside, [share * speed for speed in fastest])
+        left = folded(replace(problem, prior=items.with_values(speeds)))
+        for output, named in inside:
+            if left[output] < least[output]:
+                best |= {name: speeds[name] for name, _ in named}
+        least = np.fmin(least, left)
+    return best
+
+
+def _at(
+    problem: Problem, inside: Sequence[tuple[int, Speeds]], speeds: Sequence[float]
+) -> dict[str, float]:
+    """Each of these at the speed of its output, within its bounds."""
+    items = problem.parameters
+    return {
+        name: float(np.clip(speeds[output], items[name].low, items[name].high))
+        for output, named in inside
+        for name, _ in named
+    }
+
+
+def _fastest(problem: Problem) -> list[float]:
+    """Of the drive of each output; none where that is not known."""
+    model = problem.model
+    if not (problem.linear and isinstance(model, Resisting)):
+        return []
+    u, y = (np.concatenate([getattr(w, name) for w in problem.windows]) for name in ("u", "y"))
+    drives = model.rubbed(u, y, problem.parameters.values)
+    if len(drives) != len(model.outputs.names):
+        return []
+    return [float(np.nanquantile(np.abs(drive.speed), FASTEST)) for drive in drives]
+
+
+def _creeps(rung: Rung, fastest: Sequence[float]) -> bool:
+    """Does the drive stay near the width that stands where nobody says it?"""
+    return any(0.0 < fastest[rung.output] < CREEPS * width for _, width in rung.width)
+
+
+def _unsaid(problem: Problem, speeds: Speeds) -> bool:
+    """Does each stand where it does when nobody says it?"""
+    return all(problem.parameters[name].value == value for name, value in speeds)
+
+
+def _without(problem: Problem, rungs: Sequence[Rung]) -> tuple[str, ...]:
+    out = {name for rung in rungs for name in rung.add}
+    return tuple(name for name in problem.names if name not in out)
+
+
 def inside(problem: Problem) -> Inside:
     """Of each output the speeds inside of its law's terms that nobody has said."""
-    model, items = problem.model, problem.model.parameters
-    there = [rung for rung in _rungs(model) if set(rung.add) <= set(problem.names)]
     if not problem.linear:
         return ()
-    found = tuple(
-        tuple(dict.fromkeys(
-            name
-            for rung in there
-            if rung.output == k
-            for name, value in (*rung.shape, *rung.switch)
-            if items[name].value == value
-        ))
-        for k in range(len(model.outputs))
-    )  # fmt: skip
-    return found if any(found) else ()
+    model, items = problem.model, problem.model.parameters
+    found: list[dict[str, None]] = [{} for _ in model.outputs]
+    fastest = _fastest(problem) or [math.inf] * len(found)
+    for rung in _rungs(model):
+        tuned = set(rung.add) <= set(problem.names)
+        names = (*rung.shape, *rung.switch) if tuned else ()
+        names += rung.width if _creeps(rung, fastest) else ()
+        found[rung.output] |= {name: None for name, value in names if items[name].value == value}
+    return tuple(map(tuple, found)) if any(found) else ()
 
 
 def _thinned(window: Block) -> Block:

@@ -42,19 +42,21 @@ MOST = 2048
 
 
 def merge(
-    sources: Sequence[Iterator[Chunk]], gap: int = GAP, moved: dict[int, int] | None = None
-) -> Iterator[Chunk]:
+    sources: Sequence[Iterator[Chunk]], gap: int = GAP, moved: dict[int, int] | None = None,
+    most: int = MOST,
+) -> Iterator[Chunk]:  # fmt: skip
     """Chunks of all sources by stamp, task by task.
 
     Args:
         sources: one iterator per source, each in order of task and stamp.
         gap: distance [ns] from the end of a task to the start of one that had to be moved.
         moved: is told of each task that is moved, by its number, by how much [ns].
+        most: samples of a source in one window; 1: in the order of their stamps.
 
     Raises:
         DataError: the sources have different numbers of tasks, or do not overlap in time.
     """
-    heads = [_Head(source) for source in sources]
+    heads = [_Head(source, most) for source in sources]
     end: int | None = None
     while any(head.chunk for head in heads):
         tasks = {head.chunk.task for head in heads if head.chunk}
@@ -94,8 +96,8 @@ def _one_task(heads: Sequence[_Head], task: int) -> Iterator[Chunk]:
 class _Head:
     """The chunk that a source has ready."""
 
-    def __init__(self, source: Iterator[Chunk]) -> None:
-        self.source = source
+    def __init__(self, source: Iterator[Chunk], most: int) -> None:
+        self.source, self.most = source, most
         self.chunk: Chunk | None = next(source, None)
 
     @property
@@ -108,7 +110,7 @@ class _Head:
     def edge(self) -> int:
         """Stamp of its last sample in this window."""
         assert self.chunk is not None
-        return int(self.chunk.t[min(len(self.chunk.t), MOST) - 1])
+        return int(self.chunk.t[min(len(self.chunk.t), self.most) - 1])
 
     def rest(self) -> Chunk:
         """All of it."""

@@ -94,6 +94,8 @@ class Recorded:
     """One of `FORMATS`: files of another kind are refused; auto: any."""
     where: tuple[tuple[float, ...], ...] = ()
     """Values of the last cells, one for each: only rows that have one of them are read."""
+    sparse: bool = False
+    """Are cells without a number usual, as of beams that did not come back?"""
 
     @classmethod
     def of(cls, spec: SourceSpec, files: Files, tally: Tally | None = None) -> Recorded:
@@ -151,7 +153,7 @@ class Recorded:
                 if len(chunk.t):
                     cells.add(chunk.t, chunk.v, out.line[np.searchsorted(out.t, chunk.t)])
                     yield chunk
-            for channel, count, line in cells.found():
+            for channel, count, line in () if self.sparse else cells.found():
                 self.tally.empty(
                     channel, count, Problem("empty", line, f"{channel}: no value", name)
                 )
@@ -293,6 +295,7 @@ class Recorded:
 
     def _count(self, out: Guarded, absurd: Bool[np.ndarray, "n k"], file: str) -> None:
         """What was left out of these rows, and what of them is used."""
+        absurd = absurd & ~np.isinf(out.v) if self.sparse else absurd
         rows = np.flatnonzero(absurd.any(axis=1)).tolist()
         for i in rows:
             j = int(np.argmax(absurd[i]))

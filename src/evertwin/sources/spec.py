@@ -128,7 +128,8 @@ class SourceSpec(Section):
 
 @dataclass(frozen=True)
 class ArraySpec(Section):
-    """``[[array]]``: samples that are arrays (scans, images), pushed and stored beside the rows.
+    """``[[array]]``: samples that are arrays (scans, images), pushed and stored beside the rows; of
+    scans that ``[perception]`` takes recorded too.
 
     >>> ArraySpec(name="lidar", shape=(360,)).keep is None
     True
@@ -140,6 +141,10 @@ class ArraySpec(Section):
     """Shape of one sample."""
     column: str = "values"
     """Where a running machine says its values: a list of so many numbers, row by row."""
+    match: str = "*"
+    """Which files given with ``--data`` hold it (file name pattern), whatever else they hold."""
+    files: tuple[Annotated[str, Late()], ...] = ()
+    """Its recordings or patterns, as those of a source."""
     time: TimeSpec = TimeSpec("t")
     """Their stamps, where a running machine says them."""
     keep: Duration | None = None

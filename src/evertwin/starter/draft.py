@@ -25,7 +25,8 @@ from evertwin.starter.options import stands_in
 from evertwin.starter.payload import acting
 from evertwin.starter.proposal import ASK, Match, Proposal, position, together
 from evertwin.starter.seen import Seen
-from evertwin.starter.speeds import SHARP, USUAL, fastest, of_joints
+from evertwin.starter.speeds import fastest, of_joints
+from evertwin.starter.wear import at_usual_speed
 from evertwin.starter.words import quantity, same_kind, words
 
 NAMED = 3
@@ -332,8 +333,6 @@ class Draft:
         """The twin file."""
         model, here = self.model, self.out.resolve().parent
         options = dict(self.options)
-        if self.kind == "arm" and self.above < USUAL:  # friction turns over well below it
-            options["width"] = float(f"{SHARP * self.above:.2g}")
         if str(options.get("urdf", "")).endswith(".urdf"):
             options["urdf"] = os.path.relpath(Path(options["urdf"]).resolve(), here)
         names = ("gain", "leak", "constant") if model is None else model.parameters.editable
@@ -343,6 +342,7 @@ class Draft:
             draft=self, model=model, ask=ASK, units=units, stands_in=stands_in(self.options),
             payload=", ".join(acting(model)) if self.once and model is not None else "",
             options=", ".join(f"{k} = {inline(v)}" for k, v in options.items()),
+            wears=at_usual_speed(model, self.proposal, self.seen) if self.once and model else (),
             recordings=self._origin,
             editable=", ".join(map(inline, names[:6])),
         )  # fmt: skip

@@ -14,8 +14,6 @@ from evertwin.starter.seen import Seen
 
 USUAL = 0.05
 """Speed of a joint above which it moves [rad/s], where it often goes much faster."""
-SHARP = 0.4
-"""Part of that speed over which the friction of joints turns over, as it does where nobody says."""
 SLOW, STANDS = 0.2, 0.02
 """Part of the slowest joint's speed at most; and of the fastest one's, below which one stands."""
 

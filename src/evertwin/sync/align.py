@@ -250,6 +250,10 @@ class Align:
             )
         return s
 
+    def row(self, state: AlignState) -> int:
+        """Number of the next row."""
+        return int(state.clock[loop.ROW])
+
     def flush(self, state: AlignState) -> tuple[AlignState, Out]:
         """Everything that waits, at the end of the data."""
         none = Chunk(TICK, np.zeros(1, dtype=np.int64), np.zeros((1, 0)))

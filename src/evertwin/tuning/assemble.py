@@ -129,6 +129,8 @@ def sizes_of(problem: Problem, acting: Sensitivity, values: Vector) -> Vector:
         tenth = 0.1 * np.sqrt(square.min(axis=0))
         known = zero & np.isfinite(tenth)
         sizes[known] = np.maximum(sizes[known], tenth[known])
+    # far outside of what is known of it a value tells no size: the rows lead it astray
+    sizes = np.maximum(np.abs(problem.start), np.minimum(sizes, problem.sigma))
     sizes[sizes == 0] = 1.0
     return np.asarray(sizes)
 

@@ -182,7 +182,8 @@ def _chosen(one: Asked) -> list[Term]:
     if len(one.inputs) > INPUTS:
         basis = near.basis
         r = near.r - basis @ (basis.T @ near.r)
-        best = {name: _best(near, of, basis, r) for name, of in near.inputs.items()}
+        both = _products(basis, near.columns)
+        best = {name: _best(near, of, both, r) for name, of in near.inputs.items()}
         one = one.only(sorted(best, key=lambda name: -best[name])[:INPUTS])
     count = len(near.at) * sum(len(near.inputs[name].shapes[0]) for name in one.inputs)
     if not count:
@@ -205,16 +206,22 @@ def _chosen(one: Asked) -> list[Term]:
     return accepted
 
 
-def _best(one: Asked, of: Shaped, basis: Basis, r: Series) -> float:
+def _products(basis: Basis, columns: Columns) -> Float64[np.ndarray, "n products"]:
+    """Every column of the basis times every other one."""
+    return np.asarray((basis[:, :, None] * columns[:, None, :]).reshape(len(columns), -1))
+
+
+def _best(
+    one: Asked, of: Shaped, both: Float64[np.ndarray, "n products"], r: Series
+) -> float:  # fmt: skip
     """The most that one shape of an input explains of ``r``, which the columns have left. As
-    `_gains` of its `candidates` says it, without a copy of each."""
+    `_gains` of its `candidates` says it, without a copy of each; ``both``: `_products`."""
     columns, values = one.columns, of.shapes[1]
-    n, m = columns.shape
     squares = np.square(columns).T @ np.square(values)
     side = (columns * r[:, None]).T @ values
-    across = basis.T @ (columns[:, :, None] * values[:, None, :]).reshape(n, -1)
-    own = np.square(across).sum(axis=0).reshape(m, -1)
-    left = squares - own
+    m, s = columns.shape[1], values.shape[1]
+    across = (both.T @ values).reshape(both.shape[1] // m, m, s)
+    left = squares - np.square(across).sum(axis=0)
     explains = left > OWN * squares
     return float(
         np.where(explains, np.square(side) / np.where(explains, left, 1.0), 0.0).max(initial=0.0)

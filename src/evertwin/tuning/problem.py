@@ -159,13 +159,14 @@ class Problem:
         A number of a model with a state has a start near enough for `VAGUE`: a valley without a
         floor gets one, and an interval counts what the rows leave open.
         """
-        sigma = self._sigma
+        sigma = self.sigma
         if len(self.model.states):
             sigma = np.where((self.start != 0.0) & np.isinf(sigma), VAGUE * self.sizes, sigma)
         return np.asarray(1.0 / np.square(sigma))
 
     @property
-    def _sigma(self) -> Vector:
+    def sigma(self) -> Vector:
+        """Standard deviation of each tuned parameter's prior, infinite without one, (k,)."""
         items = self.parameters.items
         return np.array([items[place].sigma for place in self.places.tolist()])
 
@@ -351,7 +352,7 @@ class Problem:
         low, high = self.bounds
         with np.errstate(invalid="ignore"):
             choices = np.stack(
-                [np.abs(self.start), self._sigma, (high - low) / 2, np.ones(len(low))]
+                [np.abs(self.start), self.sigma, (high - low) / 2, np.ones(len(low))]
             )
         good = np.isfinite(choices) & (choices > 0)
         return np.asarray(choices[np.argmax(good, axis=0), np.arange(len(low))])

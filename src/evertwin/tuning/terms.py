@@ -52,7 +52,7 @@ from evertwin.types import Float64, Vector
 
 Term: TypeAlias = (
     tuple[str, tuple[str, ...], int]
-    | tuple[str, tuple[str, ...], int, str, tuple[Any, ...], tuple[Any, ...]]
+    | tuple[str, tuple[str, ...], int, str, tuple[Any, ...], tuple[Any, ...], tuple[Any, ...]]
 )
 """(name, parameters that join, output that they are for[, what else its law says of it])."""
 Score: TypeAlias = Float64[np.ndarray, " ny"]

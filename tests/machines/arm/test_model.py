@@ -16,9 +16,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from evertwin.errors import UsageError
+from evertwin.fold import make_block
 from evertwin.machines.arm import Arm, kernel
 from evertwin.machines.arm.inertia import point
 from evertwin.models import Parameters, check_model
+from evertwin.tuning import Problem, solve
 
 FULL = "tanh+direction+stribeck+root+load"
 OPTIONS: dict[str, dict[str, Any]] = {
@@ -186,3 +188,19 @@ def test_sliding_joints_speak_of_forces(tmp_path: Path) -> None:
     y = arm.simulate(np.zeros(0), np.zeros((1, 3)), np.zeros(1), arm.parameters.values)[1]
     assert y[0, 0] == pytest.approx(9.81)
     assert isinstance(arm.parameters, Parameters)
+
+
+def test_a_body_that_slow_rows_do_not_excite_stays_as_described() -> None:
+    """Friction that no law here has would else be told by inertias of tons."""
+    arm = Arm.of("ur5_like", "tanh", base=True)
+    t = np.arange(600) * 0.1
+    phase = np.outer(t, 0.1 + 0.02 * np.arange(6)) + np.arange(6)
+    u = np.concatenate([0.3 * np.sin(phase), 0.03 * np.cos(phase), -3e-3 * np.sin(phase)], axis=1)
+    _, tau = arm.simulate(np.zeros(0), u, np.full(600, 0.1), arm.parameters.values)
+    dry = 5.0 * np.sign(u[:, 6:12]) * np.minimum(np.abs(u[:, 6:12]) / 0.01, 1.0)
+    seen = tau + dry + np.random.default_rng(0).normal(0.0, 0.02, tau.shape)
+    fit = solve(Problem(arm, (make_block(t=(t * 1e9).astype(np.int64), u=u, y=seen),)))
+    described = arm.parameters.with_values(dict(zip(fit.names, fit.values.tolist(), strict=True)))
+    for name in (name for name in fit.names if ".I" in name):
+        moved = abs(described[name].value - arm.parameters[name].value)
+        assert moved <= 2.0 * arm.parameters[name].sigma

@@ -55,25 +55,66 @@ def outputs_of(chain: Chain, current: bool) -> Layout:
     return Layout(tuple(Channel(f"tau{j + 1}", unit) for j, unit in enumerate(units)))
 
 
+TOOL = 0.1
+"""Part of the arm's mass and length that a tool may have."""
+
+
 def drive_items(chain: Chain, laws: Sequence[Law], rotor: bool) -> list[Parameter]:
-    """Rotor inertia and friction of every joint, from the base outwards."""
+    """Rotor inertia and friction of every joint, from the base outwards.
+
+    A rotor behind its gear weighs no more than the arm that it has to move.
+    """
     items: list[Parameter] = []
+    mass, _, second = (float(size) for size in hanging(chain)[0])
     for j, law in enumerate(laws):
         slides = chain.sliding[j]
-        items += [Parameter(f"Ia{j + 1}", 0.0, "kg" if slides else "kgm2")] if rotor else []
+        unit, most = ("kg", mass) if slides else ("kgm2", second)
+        items += [Parameter(f"Ia{j + 1}", 0.0, unit, sigma=most)] if rotor else []
         items += law.parameters(str(j + 1), slides)
     return items
 
 
 def base_items(chain: Chain, base: Sequence[int]) -> list[Parameter]:
-    """The chosen inertial numbers, named after link and number, starting at the description."""
-    items = []
+    """The chosen inertial numbers, named after link and number, starting at the description: this
+    may be off by the moments of all that hangs on the joint, which a number may stand for too."""
+    items, most = [], hanging(chain)
     for flat in base:
         link, number = divmod(flat, BODY)
         name = f"{chain.links[link]}.{inertia.NAMES[number]}"
-        value = float(chain.inertia[flat])
-        items.append(Parameter(name, value, inertia.UNITS[number], source="description"))
+        value, sigma = float(chain.inertia[flat]), float(most[link, _ORDER[number]])
+        unit = inertia.UNITS[number]
+        items.append(Parameter(name, value, unit, sigma=sigma, source="description"))
     return items
+
+
+_ORDER = (0, 1, 1, 1, 2, 2, 2, 2, 2, 2)
+"""Is a number of a body its mass, a first or a second moment?"""
+
+
+def hanging(chain: Chain) -> Float64[np.ndarray, "ny 3"]:
+    """Mass [kg], first [kg m] and second moment [kg m²] of all that hangs on each joint, stretched
+    out, and of a tool of a tenth of the arm at a tenth of its length; infinite where nothing is
+    described."""
+    steps = chain.geometry[3:].reshape(-1, 13)[:, 9:12]
+    travel = [
+        max(map(abs, limits[:2])) if slides and np.isfinite(limits[:2]).all() else 0.0
+        for limits, slides in zip(chain.limits, chain.sliding, strict=True)
+    ]
+    ahead = np.linalg.norm(steps, axis=1) + travel
+    bodies = chain.inertia.reshape(-1, BODY)
+    mass, arm = TOOL * float(bodies[:, 0].sum()), TOOL * float(ahead.sum())
+    first, second = mass * arm, mass * arm**2
+    out = np.full((chain.n, 3), np.inf)
+    for j in reversed(range(chain.n)):
+        own = bodies[j]
+        mass, first = mass + float(own[0]), first + float(np.linalg.norm(own[1:4]))
+        second += float(own[4] + own[6] + own[9]) / 2
+        if mass > 0.0:
+            out[j] = mass, first, second
+        # seen from one joint further in, all of it is further out
+        second += 2.0 * ahead[j] * first + ahead[j] ** 2 * mass
+        first += ahead[j] * mass
+    return out
 
 
 def payload_parameters() -> list[Parameter]:

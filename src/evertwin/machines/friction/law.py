@@ -46,6 +46,8 @@ class Rung(NamedTuple):
     """Speeds inside its features, each with what it is where nobody says."""
     switch: tuple[tuple[str, float], ...] = ()
     """Width of a smooth switch that it could be taken for, likewise."""
+    width: tuple[tuple[str, float], ...] = ()
+    """That of its law, where no term of the law could be taken for it, likewise."""
 
 
 @runtime_checkable
@@ -171,11 +173,13 @@ class Law:
     def rungs(self, suffix: str = "") -> tuple[Rung, ...]:
         """The steps from viscous + Coulomb + offset up to this law, in the ladder's order."""
         smooth = ((_WIDTH.name + suffix, _WIDTH.value),) if self.switch == "tanh" else ()
+        traded = any("coulomb" in item.confused_with for item in self.terms if not item.always)
         return tuple(
             Rung(
                 item.name, tuple(one.name + suffix for one in item.coefficients), cause=item.cause,
                 shape=tuple((x.name + suffix, x.value) for x in item.shape if x.sliding == "m/s"),
                 switch=smooth if "coulomb" in item.confused_with else (),
+                width=() if traded else smooth,
             )
             for item in self.terms
             if not item.always

@@ -108,7 +108,7 @@ def alarm_of(
         return Alarm(component, "wear_begun", reason, (None, None), action, evidence)
     low, high = life.interval80
     interval = (low, high if np.isfinite(high) else None)
-    ahead = lead(indicator, life) if ahead is None else ahead
+    ahead = lead(indicator, life, LEAD) if ahead is None else ahead
     chance = life.risk_before(ahead)
     evidence |= {"probability": chance, "ahead": ahead, "law": life.law, "median": life.median}
     if life.median <= 0.0:
@@ -134,12 +134,12 @@ def alarm_of(
     return None
 
 
-def lead(indicator: Indicator, life: Life) -> float:
-    """`LEAD` of the whole life: of its age, and of what is left where that is known."""
+def lead(indicator: Indicator, life: Life, share: float) -> float:
+    """A share of the whole life: of its age, and of what is left where that is known."""
     own = indicator.since_replaced()
     start = own.origin if own.origin is not None else float(own.at[0])
     left = life.median if np.isfinite(life.median) else 0.0
-    return LEAD * (float(own.at[-1]) - start + left)
+    return share * (float(own.at[-1]) - start + left)
 
 
 def within_budget(

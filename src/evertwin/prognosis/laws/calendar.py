@@ -67,6 +67,15 @@ class Calendar(NamedTuple):
             seconds = (found.replace(tzinfo=None) - _EPOCH.replace(tzinfo=None)).total_seconds()
         return seconds / UNITS[self.clock]
 
+    def gone(self, at: float) -> bool:
+        """Does a moment lie before today, by this computer? On a clock of days today itself is not.
+
+        >>> Calendar("d", zoned=False).gone(0.0)
+        True
+        """
+        today = self.today()
+        return at < (math.floor(today) if self.clock == "d" else today)
+
     def today(self) -> float:
         """Now on the clock: by this computer."""
         now = time.time()

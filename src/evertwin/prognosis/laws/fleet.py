@@ -201,12 +201,13 @@ class Fleet:
             others = [*ways[:k], *ways[k + 1 :]]
             if not any(np.isfinite(one.end) for one in others):
                 continue
+            lives = Lives.of(others)
             whole = way.end if np.isfinite(way.end) else way.now
             for moment in MOMENTS:
                 part = way.until(moment * whole)
                 if len(part.age) < 2 or part.now <= 0.0:
                     continue
-                one = _ask(others, part)
+                one = _ask(others, part, lives)
                 asked.append(one)
                 off.append(float(np.log(max(whole - part.now, LEAST * whole))) - one.left)
                 ended.append(bool(np.isfinite(way.end)))
@@ -232,7 +233,8 @@ class Fleet:
 
     def told_of(self, way: Way) -> Told:
         """The life that remains to a machine, and how its pace differs."""
-        one = _ask(self.ways, way)
+        lived = Lives.of(self.ways)
+        one = _ask(self.ways, way, lived)
         asked, weight = self._about(one)
         seen = asked[:, 1:4]
         sure = weight * self.ended
@@ -244,7 +246,7 @@ class Fleet:
         # One that still runs counts where it has outlasted most that ended from there.
         longer = rest > quantile_of(rest, sure, 0.5)
         low, off, high = quantiles_of(rest, weight * (self.ended | longer))
-        lives = one.by_lives(Lives.of(self.ways), shift)
+        lives = one.by_lives(lived, shift)
         now = np.array([one.pace - shift, np.clip(one.tangent - shift, -1.0, 1.0),
                         np.clip(lives, -FARTHEST, FARTHEST)])  # fmt: skip
         middle = one.left + shift + float(worth @ now) + known * off
@@ -261,7 +263,7 @@ class Fleet:
 
     def other(self, way: Way) -> float:
         """Chance that a machine wears in another form than those that ended."""
-        return self._likeness(way, _ask(self.ways, way)).other
+        return self._likeness(way, _ask(self.ways, way, Lives.of(self.ways))).other
 
     def _likeness(self, way: Way, one: Asked) -> Likeness:
         ended = [like for like in self.ways if np.isfinite(like.end)]
@@ -329,19 +331,20 @@ def reach(ways: Sequence[Way]) -> float:
     return float(max(way.level[-1] for way in ways if np.isfinite(way.end)))
 
 
-def _ask(ways: Sequence[Way], one: Way) -> Asked:
-    """What machines tell of one at its last row."""
+def _ask(ways: Sequence[Way], one: Way, lives: Lives) -> Asked:
+    """What machines, and their lives, tell of one at its last row."""
     level, age = float(one.level[-1]), one.now
     about = ALIKE * abs(reach(ways) - float(one.level[0]))
+    (came,) = one.reached_at(slice(-1, None)).tolist()
     left, paces, ended = [], [], []
     for way in ways:
-        k = way.row(level, float(one.reached[-1]), about)
+        k = way.row(level, came, about)
         known = bool(np.isfinite(way.end))
         whole = way.end if known else way.now
         # Its age when the level would have been known, if as late on its own course.
-        reached = float(way.reached[k])
-        slower = np.clip(reached / max(float(one.reached[-1]), 1e-300), 1.0 / SLOWER, SLOWER)
-        then = reached + float(slower) * (age - float(one.reached[-1]))
+        (reached,) = way.reached_at(slice(k, k + 1)).tolist()
+        slower = min(max(reached / max(came, 1e-300), 1.0 / SLOWER), SLOWER)
+        then = reached + slower * (age - came)
         rest = whole - then
         if float(way.level[0]) <= level + about and (known or way.level[-1] >= level - about):
             least = LEAST * whole
@@ -356,5 +359,5 @@ def _ask(ways: Sequence[Way], one: Way) -> Asked:
     off = float(np.clip(np.log(tangent) - middle, -1.0, 1.0)) if tangent > 0.0 else 0.0
     pace = float(np.median(paces)) if paces else 0.0
     age = float(np.log(age))
-    lives = float(np.clip(Lives.of(ways).beyond(age) - middle, -FARTHEST, FARTHEST))
-    return Asked(middle, pace, off, lives, age)
+    by_lives = float(np.clip(lives.beyond(age) - middle, -FARTHEST, FARTHEST))
+    return Asked(middle, pace, off, by_lives, age)

@@ -283,7 +283,20 @@ class Life:
             **{name: [told.iso(self.now + x) for x in pair] for name, pair in ends.items()},
             "not_before": told.iso(self.now + self.not_before),
             "passed_at": None if self.passed is None else told.iso(self.passed),
+            "past": self.gone,
         }  # fmt: skip
+
+    @property
+    def gone(self) -> list[str]:
+        """Which of its dates, whole intervals, lie before today; none of a life that is over."""
+        told = self.calendar
+        if told is None or self.passed is not None:
+            return []
+        last = {
+            "not_before": self.not_before, "median": self.median,
+            "interval80": self.interval80[1], "interval95": self.interval95[1],
+        }  # fmt: skip
+        return [name for name, after in last.items() if told.gone(self.now + after)]
 
     def document(self) -> dict[str, object]:
         """The part ``life`` of ``evertwin.life/1``; infinity is null."""

@@ -147,6 +147,10 @@ class Plan:
             return ""
         return self.calendar.said(self.now + after)
 
+    def gone(self, after: float) -> bool:
+        """Does a date of the plan lie before today?"""
+        return self.calendar is not None and self.calendar.gone(self.now + after)
+
     @property
     def saving(self) -> float:
         """What common stops save in all."""
@@ -159,7 +163,8 @@ class Plan:
             "items": [
                 {
                     "component": one.component, "after": one.after,
-                    "date": self.date(one.after) or None, "window": one.window,
+                    "date": self.date(one.after) or None, "past": self.gone(one.after),
+                    "window": one.window,
                     "probability_before": one.probability, "cost_rate": one.rate,
                     "cost_rate_run_to_failure": one.rate_to_failure, "median_life": one.median,
                     "decision": one.decision.verdict, "reason": one.decision.reason,

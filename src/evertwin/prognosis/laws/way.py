@@ -55,9 +55,10 @@ class Way(NamedTuple):
 
     def row(self, level: float, age: float, about: float) -> int:
         """The row reached nearest to an age of those about a level; else the first beyond it."""
-        near = np.flatnonzero(np.abs(self.level - level) <= about)
-        if len(near):
-            return int(near[np.argmin(np.abs(self.reached[near] - age))])
+        first = int(np.searchsorted(self.level, level - about))
+        last = int(np.searchsorted(self.level, level + about, side="right"))
+        if last > first:
+            return first + int(np.argmin(np.abs(self.reached_at(slice(first, last)) - age)))
         return min(int(np.searchsorted(self.level, level)), len(self.age) - 1)
 
     def until(self, age: float) -> Way:
@@ -69,7 +70,11 @@ class Way(NamedTuple):
     @property
     def reached(self) -> Float64[np.ndarray, " n"]:
         """Age at which each level was reached."""
-        return self.age if self.late is None else self.age - self.late
+        return self.reached_at(slice(None))
+
+    def reached_at(self, rows: slice) -> Float64[np.ndarray, " rows"]:
+        """The same of some rows."""
+        return self.age[rows] if self.late is None else self.age[rows] - self.late[rows]
 
 
 def way_of(indicator: Indicator, end: float = np.nan) -> Way | None:

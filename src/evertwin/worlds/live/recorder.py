@@ -1,8 +1,9 @@
 """``python -m evertwin.worlds.live.recorder arm|robot``: what a machine would publish, into files.
 
-One topic goes into one file, several into files beside each other. What the robot says goes into
-one bag where the file's name ends in ``.mcap``: the messages that it has in ROS, its scans too, and
-its pictures, with what they show in ``NAME-objects.csv`` beside the bag. Nothing is waited for.
+One topic goes into one file, several into files beside each other; a scan has a column for each
+beam, ``ranges.1`` and so on. What the robot says goes into one bag where the file's name ends in
+``.mcap``: the messages that it has in ROS, and its pictures, with what they show in
+``NAME-objects.csv`` beside the bag. Nothing is waited for.
 
 >>> paths_of(Path("run.csv"), ("command", "pose"))["pose"].name
 'run-pose.csv'
@@ -37,7 +38,12 @@ def paths_of(path: Path, topics: Iterable[str]) -> dict[str, Path]:
 def columns_of(samples: list[Sample], start: float) -> dict[str, Vector]:
     """Samples of one topic as columns; ``start``: of the machine's clock [s]."""
     columns = [one._replace(t=start + one.t).columns for one in samples]
-    return {name: np.array([one[name] for one in columns], dtype=float) for name in columns[0]}
+    found: dict[str, Vector] = {}
+    for name in columns[0]:
+        values = np.array([one[name] for one in columns], dtype=float)
+        listed = {f"{name}.{k + 1}": column for k, column in enumerate(values.T)}
+        found |= listed if values.ndim > 1 else {name: values}
+    return found
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -53,12 +59,12 @@ def main(arguments: list[str] | None = None) -> None:
             shots = [(round((start + t) * 1e9), one) for t, one in machine.shots]
             save_rows(given.record.with_name(f"{given.record.stem}-objects.csv"), shots)
         return save_bag(given.record, kept, start)
-    # scans are no columns
-    arrays = {one.topic for one in kept if any(isinstance(v, list) for v in one.values.values())}
-    topics = [topic for topic in given.topics or machine.units if topic not in arrays]
-    for topic, path in paths_of(given.record, topics).items():
-        own = [one for one in kept if one.topic == topic]
-        save(path, columns_of(own, given.start or 0.0), {"seq": "1", **machine.units[topic]})
+    for topic, path in paths_of(given.record, given.topics or machine.units).items():
+        columns = columns_of([one for one in kept if one.topic == topic], given.start or 0.0)
+        units = {"seq": "1", **machine.units[topic]}
+        save(
+            path, columns, {name: units[name.partition(".")[0]] for name in columns if name != "t"}
+        )
 
 
 if __name__ == "__main__":
