@@ -28,7 +28,7 @@ def recorded(u: np.ndarray, y: np.ndarray) -> Block:
 
 def on_a_line(seed: int, law: str) -> Block:
     """A robot that starts at 0.06 m/s forwards and 0.1 backwards, or stops at 0.03 only, or takes
-    time for a change of its speed."""
+    time for a change of its speed; or has a dead zone and lags behind."""
     rng = np.random.default_rng(seed)
     u, now, speeds = held(rng, (0.2,)), 0.0, []
     for v in u[:, 0].tolist():
@@ -36,6 +36,8 @@ def on_a_line(seed: int, law: str) -> Block:
             now = v if v > 0.06 or v < -0.1 else 0.0
         elif law == "hysteresis":
             now = v if abs(v) > (0.03 if now * v > 0.0 else 0.08) else 0.0
+        elif law == "lag":
+            now += (1.0 - np.exp(-DT / 0.3)) * (v * (abs(v) > 0.06) - now)
         else:
             now += float(np.clip(v - now, -0.08 * DT, 0.08 * DT))
         speeds.append(now)
@@ -79,6 +81,13 @@ def test_the_law_of_a_drive_is_named(
     p = numbers(found)
     for name, value in expected.items():
         assert p[f"{kind}.v.{name}"] == pytest.approx(value, abs=0.01)
+
+
+@first_of("seed", range(4))
+def test_a_dead_zone_behind_a_lag_is_no_hysteresis(seed: int) -> None:
+    found = improve(Robot1D(), Form(), (on_a_line(seed, "lag"),), 1.0, Selection(LINE))
+    assert [term.kind for term in found.form.terms] == ["law", "lag"]
+    assert numbers(found)["law.v.threshold"] == pytest.approx(0.06, abs=0.01)
 
 
 @first_of("seed", range(4))

@@ -8,12 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 
 from evertwin.correction.candidates import propose
 from evertwin.correction.evidence import gather
-from evertwin.correction.fitting import anew
-from evertwin.correction.sliding import slid
+from evertwin.correction.sliding import SHARES, slid
 from evertwin.correction.stack import stack_of
 from evertwin.fold import Windows
 from evertwin.models import Model
@@ -24,6 +22,8 @@ from evertwin.types import ParameterVector
 
 NEAR = 0.05
 """Share of its bound that is a considerable change at least: these rows may have other commands."""
+FAR = (5.0, 2.0)
+"""Of such a change, by which it is moved first: up to the next command all are alike."""
 
 
 def slides(form: Form) -> bool:
@@ -35,8 +35,7 @@ def slid_numbers(
     model: Model, form: Form, p: ParameterVector, windows: Windows, horizon: float,
     channels: Sequence[str] = (),
 ) -> ParameterVector:  # fmt: skip
-    """The parameters of a form's model with such numbers, and those of the same terms, as these
-    rows tell them.
+    """The parameters of a form's model with such numbers as these rows tell them beside the others.
 
     Args:
         model: base model, without terms.
@@ -65,4 +64,4 @@ def slid_numbers(
         return p
     stack = replace(stack, parts=tuple(parts))
     evidence = gather(stack.model, windows, horizon, p=p)
-    return slid(stack, some, evidence, partial(anew, parts=some, evidence=evidence)).p
+    return slid(stack, some, evidence, lambda moved: moved, (*FAR, *SHARES)).p

@@ -31,17 +31,19 @@ def cost_of(evidence: Evidence, stack: Stack) -> float:
 
 
 def slid(
-    stack: Stack, parts: Sequence[int], evidence: Evidence, anew: Callable[[Stack], Stack]
-) -> Stack:
+    stack: Stack, parts: Sequence[int], evidence: Evidence, anew: Callable[[Stack], Stack],
+    shares: Sequence[float] = SHARES,
+) -> Stack:  # fmt: skip
     """A stack with such numbers of some parts where they are best beside the others.
 
     Args:
         anew: fits the other numbers, once these have moved.
+        shares: of a considerable change, by which each is moved.
     """
     places = tuple(_places(stack, parts))
     for _ in range(ROUNDS if places else 0):
         best = stack
-        for share in SHARES:
+        for share in shares:
             best = _pushed(best, places, share, evidence)
         if best is stack:
             break

@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 
 from evertwin.anomaly.verdict import Verdict
-from evertwin.correction.slides import slid_numbers, slides
 from evertwin.errors import DataError, ModelError, TooFew
 from evertwin.fold import Windows
-from evertwin.gauges.change import PART, RESTORED, changed, split
+from evertwin.gauges.change import changed, split
 from evertwin.gauges.gauge_rows import Rows
 from evertwin.gauges.settled import settled
 from evertwin.ledger.versions import Versions
@@ -123,29 +122,10 @@ class Tuner:
             return windows, []
         if worse is not None and not self.follows(version, worse, old):
             return windows, []
-        if self.slides(version, windows, (old, new)):
-            return windows, []  # the form was known badly, the machine is the same
         rows = sum(len(block.t) for block in new)
         if rows < ENOUGH * len(names):
             raise TooFew(f"the machine has changed, {rows} rows ago")
         return new, [changed_since(new)]
-
-    def slides(self, version: Version, windows: Windows, parts: tuple[Windows, Windows]) -> bool:
-        """Do numbers that no slope leads to, as all rows tell them, hold for old and new ones?"""
-        if not slides(version.form):
-            return False
-        setup, rule = self.setup, self.setup.spec.correction
-        model, p = self.versions.model_of(version.form), version.p
-        try:
-            q = slid_numbers(setup.model, version.form, p, windows, setup.horizon, rule.channels)
-        except TooFew:
-            return False
-        (was, rose), (before, now) = (
-            [np.square(left(setup, model, one, rows, self.known)) for rows in parts]
-            for one in (p, q)
-        )
-        restored = np.nansum((rose - now) / was) >= RESTORED * np.nansum((rose - was) / was)
-        return bool(restored and np.nansum((before - was) / was) <= PART)
 
     def follows(self, version: Version, worse: Version, rows: Windows) -> bool:
         """Does a version take away nearly all of another one's deviation?"""

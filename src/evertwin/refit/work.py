@@ -41,6 +41,7 @@ from evertwin.refit.channels import caveats, of_a_bias, of_a_channel, of_what_is
 from evertwin.refit.correcting import sought
 from evertwin.refit.fewest import fewest
 from evertwin.refit.judgement import judged, numbers_first, of_the_form
+from evertwin.refit.known_badly import known_badly
 from evertwin.refit.named_cause import named_first
 from evertwin.refit.newest import after, newer, newest
 from evertwin.refit.one_form import made, plainer
@@ -198,7 +199,7 @@ class Work(Tuner):
             return passed if task.scheduled else passed | {"next": self._next()}
         version = self.begun(version, windows) if task.held else version
         task = task._replace(version=version)
-        if was := recovered(self, task):
+        if was := recovered(self, task) or known_badly(self, task):
             return was
         windows, events = self.now(task, version, names)
         since = {"since": windows[0].row} if windows is not task.windows else {}

@@ -147,6 +147,8 @@ class CorrectionTerm(ABC):
     """Parameters whose cost has steps: their interval is that of its profile."""
     slopeless: ClassVar[tuple[str, ...]] = ()
     """Parameters that no slope of the cost leads to."""
+    plain: ClassVar[str] = ""
+    """Kind that it comes down to where numbers of it are equal."""
     initials: ClassVar[tuple[str, ...]] = ()
     """Parameters that are an unmeasured state before a recording: each recording has its own."""
 

@@ -56,7 +56,7 @@ class Direction(CorrectionTerm):
     'v: 0.8 (0.7 to 0.9) times as fast backwards, saturation at 0.3 m/s'
     """
 
-    kind, gain = "direction", "gain"
+    kind, gain, plain = "direction", "gain", "law"
     steps = slopeless = ("forward", "backward")
     functions = Functions(before)
 

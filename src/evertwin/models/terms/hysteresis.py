@@ -53,7 +53,7 @@ class Hysteresis(CorrectionTerm):
     'v: starts at 0.06 (0.05 to 0.06) m/s, goes on down to 0.03 m/s (hysteresis)'
     """
 
-    kind, gain, rank = "hysteresis", "gain", 1
+    kind, gain, plain, rank = "hysteresis", "gain", "law", 1
     steps = slopeless = ("start", "stop")
     functions = Functions(before)
 
