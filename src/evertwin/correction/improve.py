@@ -306,23 +306,24 @@ class _Search:
         return best
 
     def pruned(self, now: Scored, level: float, gains: list[Gain]) -> tuple[Scored, float]:
-        """Without the terms that no longer pay, and with a plain one where a richer one is hardly
-        better; the terms of the form given stay."""
-        new = {id(g.term) for g in gains}
+        """Without new terms that no longer pay, and plain where a richer kind does not pay."""
+        new, rule = {id(g.term) for g in gains}, self.settings
         for k in reversed(range(len(now.stack.parts))):
-            term, before = now.stack.parts[k].term, max(now.mean, TINY)
+            term, before, old = now.stack.parts[k].term, max(now.mean, TINY), level
             if id(term) not in new:
                 continue
             if len(now.stack.parts) > 1:
                 less = confirm(refit(now.stack.without(k), self.evidence), self.evidence)
-                if now.mean > (1 - self.settings.gain) * less.mean:
+                if now.mean > (1 - rule.gain) * less.mean:
                     now, level = less, level * less.mean / before
                     continue
-            if found := simpler(now, k, self.candidates, self.evidence):
-                (candidate, now), old = found, level
-                level *= now.mean / before
-                said, count = _said(now.stack, candidate.term, now.detail), self.evidence.segments
-                gains.append(Gain(candidate.term, old, level, count, (term,), said))
+            if (found := simpler(now, k, self.candidates, self.evidence)) is None:
+                continue
+            richer = _compared(found[0], (), found[1].deviations, now)
+            if richer.gain < rule.gain or richer.sure < rule.sure:
+                now, level = found[1], level * found[1].mean / before
+                said = _said(now.stack, found[0].term, now.detail)
+                gains.append(Gain(found[0].term, old, level, len(now.deviations), (term,), said))
         return now, level
 
     def scale(self, stack: Stack) -> Vector:

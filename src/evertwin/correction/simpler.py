@@ -5,8 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from evertwin.correction.evidence import Evidence
 from evertwin.correction.fitting import Scored, confirm, fit_candidate
 from evertwin.models.terms.contract import Candidate
@@ -19,8 +17,7 @@ comes: of forms that both pay, the simplest within one standard error of the bes
 def simpler(
     now: Scored, k: int, candidates: Sequence[Candidate], evidence: Evidence
 ) -> tuple[Candidate, Scored] | None:
-    """A candidate of the plain kind in place of part ``k``, where that is hardly better, if at all;
-    None: it is, or there is none."""
+    """The best candidate of the plain kind in place of part ``k``; None: there is none."""
     part, found = now.stack.parts[k], list[tuple[Candidate, Scored]]()
     for one in candidates:
         if one.term.kind == part.kind.plain and one.term.channel == part.term.channel:
@@ -28,7 +25,4 @@ def simpler(
     if not found:
         return None
     candidate, scored = min(found, key=lambda pair: pair[1].mean)
-    scored = confirm(scored, evidence)
-    gain = scored.deviations - now.deviations
-    error = float(gain.std()) / np.sqrt(len(gain))
-    return (candidate, scored) if float(gain.mean()) <= SWAP * error else None
+    return candidate, confirm(scored, evidence)
