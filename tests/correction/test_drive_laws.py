@@ -60,6 +60,12 @@ def on_wheels(seed: int, left: float, right: float, track: float = 0.4) -> Block
     return recorded(u, y)
 
 
+def stands(u: np.ndarray, track: float, left: float, right: float) -> np.ndarray:
+    """Rows on which the left and the right wheel stand, (n, 2)."""
+    side = 0.5 * track * u[:, 1]
+    return np.abs(np.stack([u[:, 0] - side, u[:, 0] + side], axis=1)) <= (left, right)
+
+
 def numbers(found: Proposal) -> dict[str, float]:
     return dict(zip(found.names, found.p.tolist(), strict=True))
 
@@ -96,9 +102,11 @@ def test_each_wheel_has_its_own_start(seed: int) -> None:
     found = improve(Differential(), Form(), (rows,), 1.0, Selection(("wheels", "law")))
     assert [term.kind for term in found.form.terms] == ["wheels"]
     p = numbers(found)
-    assert p["wheels.v.w.left"] == pytest.approx(0.06, abs=0.01)
-    assert p["wheels.v.w.right"] == pytest.approx(0.12, abs=0.01)
-    assert p["wheels.v.w.track"] == pytest.approx(0.4, rel=0.03)
+    track, left, right = (p[f"wheels.v.w.{name}"] for name in ("track", "left", "right"))
+    assert track == pytest.approx(0.4, rel=0.03)
+    assert (left, right) == (pytest.approx(0.06, abs=0.015), pytest.approx(0.12, abs=0.015))
+    wrong = stands(rows.u, track, left, right) != stands(rows.u, 0.4, 0.06, 0.12)
+    assert wrong.sum() <= HOLD  # one command
 
 
 def test_a_base_as_it_is_told_has_no_such_law() -> None:
