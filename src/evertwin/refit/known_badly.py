@@ -50,12 +50,12 @@ def known_badly(work: Work, task: Task) -> dict[str, Any] | None:
         return None
     moved = np.flatnonzero(q != version.p)
     names = [version.names[k] for k in moved]
-    reason = f"tuned {', '.join(names)}: commands that are new tell more of it"
+    reason = f"tuned {', '.join(names)}"
     told = {name: [float(version.p[k]), float(q[k])] for name, k in zip(names, moved, strict=True)}
     scale = scale_of(*(np.sqrt(np.nanmean(one, axis=0)) for one in (was, now)))
     values = dict(zip(names, q[moved].tolist(), strict=True))
     return {
-        "events": [event("tuned", "", reason, told)],
+        "events": [event("tuned", "", f"{reason}: commands that are new tell more of it", told)],
         "candidate": work.candidate(version.form, values, scale, reason, task.windows),
         "tuned": True,
     }  # fmt: skip
