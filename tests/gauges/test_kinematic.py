@@ -11,6 +11,8 @@ from evertwin import Twin
 from evertwin.fold import make_block
 from evertwin.gauges.kinematic import contradicted
 from evertwin.setup.setup import Setup
+from planted.twins import shipped
+from planted.worlds import record_live
 
 TWIN = """
 schema = 1
@@ -97,3 +99,18 @@ def test_a_speed_that_leaves_its_position_is_no_change_of_the_machine(
     assert told, [(e.row, e.kind, e.reason) for e in events]
     assert told[0].evidence["number"] == pytest.approx(gauge, rel=0.01)
     assert "promoted" not in {e.kind for e in events}
+
+
+def test_a_first_sample_of_zeros_is_no_other_speed(tmp_path: Path) -> None:
+    """A controller shows them before it has a sample: from there to the first one no speed led, so
+    a speed was 'otherwise' once friction grew, and nothing was learned."""
+    record_live("arm", tmp_path / "arm.csv", 240.0, "150:friction.2=1.3")
+    head, first, *rest = (tmp_path / "arm.csv").read_text().splitlines()
+    values = first.split(",")
+    none = ",".join([values[0], *"0" * (len(values) - 1)])
+    (tmp_path / "zeros.csv").write_text("\n".join([head, none, *rest]))
+    with Twin(shipped("arm_live")) as twin:
+        result = twin.run([tmp_path / "zeros.csv"])
+    assert not [e for e in result.events if e.kind == "abnormal"]
+    told = [e.reason for e in result.events if e.kind == "promoted"]
+    assert any("Fc2 14 → 18" in reason for reason in told), told

@@ -104,7 +104,7 @@ def test_lives_are_told_after_each_new_value(
     monkeypatch.setattr(lives, "beside", beside)
 
     async def heard() -> list[int]:
-        runner, found = Runner(placed(tmp_path), tmp_path / "store", set(), warms=False), []
+        runner, found = Runner(placed(tmp_path), tmp_path / "store", set()), []
         monkeypatch.setattr(runner, "_out", lambda kind, said: found.append(said["asked"]))
         runner.work = type("Work", (), {"estimates": 0})()  # type: ignore[assignment]
         task = asyncio.create_task(tell_lives(runner))

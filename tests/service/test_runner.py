@@ -74,7 +74,7 @@ def run(
     async def go() -> Runner:
         (folder / "store").mkdir(exist_ok=True)
         plan = read_site(file).twins[0]
-        one = Runner(plan, folder / "store", set(), warms=False)
+        one = Runner(plan, folder / "store", set())
         await one.start()
         await during(one)
         await one.stop()

@@ -76,7 +76,7 @@ def robot(folder: Path, timeout: str, monkeypatch: pytest.MonkeyPatch) -> Runner
 
     monkeypatch.setattr(room, "open_live", opened)
     plan = read_site(folder / "site.toml").twins[0]
-    return Runner(plan, folder / "store", set(), warms=False)
+    return Runner(plan, folder / "store", set())
 
 
 async def watched(one: Runner, seconds: float) -> dict[str, Any]:

@@ -9,14 +9,16 @@ from pathlib import Path
 import pytest
 
 from evertwin.compiled import functions
+from evertwin.features import correlation, registration, surface
 from evertwin.models.terms import kernel
 from evertwin.service import service as serving
 from evertwin.service import warming
 from evertwin.service.plan import read_site
-from evertwin.service.warming import warm, warm_beside
+from evertwin.service.warming import Beside, warm
 from evertwin.setup import scores
 from evertwin.trial import betting, gate_loop
 from planted.serving import site
+from planted.twins import shipped
 
 
 @pytest.fixture
@@ -60,7 +62,7 @@ def test_beside_it_a_twin_that_cannot_be_compiled_costs_no_other(
         warming.LOG, "warning", lambda _, name, error: told.append((name, str(error)))
     )
     functions.PER_BYTE = 1.0
-    asyncio.run(warm_beside([bad, spec]))
+    asyncio.run(Beside([bad, spec]).run())
     assert len(told) == 2
     assert all("none-such" in error for _, error in told)
     assert functions.PER_BYTE == 0.0
@@ -74,8 +76,8 @@ def test_twins_run_while_their_machine_code_is_made(
     path.write_text(path.read_text().replace("warm = false", 'warm = "beside"'))
     seen: list[str] = []
 
-    async def slow(specs: list[object]) -> None:
-        seen.append(f"began {len(specs)}")
+    async def slow(beside: Beside) -> None:
+        seen.append(f"began {len(beside._specs)}")
         try:
             await asyncio.sleep(3600)
         finally:
@@ -92,7 +94,51 @@ def test_twins_run_while_their_machine_code_is_made(
         await service.stop()
         return states
 
-    monkeypatch.setattr(serving, "warm_beside", slow)
-    monkeypatch.setattr("evertwin.service.runner.warm", refused)
+    monkeypatch.setattr(Beside, "run", slow)
+    monkeypatch.setattr(serving, "before", refused)
     assert asyncio.run(life()) == ["running"]
     assert seen == ["began 1", "ended"]
+
+
+def test_a_twin_that_perceives_waits_for_what_reads_its_scans(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Plain Python does not keep up with scans: its robot had no row for a minute."""
+    spec = shipped("robot_live")
+    order: list[str] = []
+    beside = Beside([spec])
+
+    class Here:
+        """In the place of a pool."""
+
+        def map(self, work: object, specs: list[object]) -> list[object]:
+            order.append("made")
+            return specs
+
+        def close(self) -> None:
+            pass
+
+    monkeypatch.setattr(warming, "Pool", lambda *_: Here())
+    monkeypatch.setattr(warming, "at_once", lambda: None)
+
+    async def life() -> None:
+        waiting = asyncio.create_task(asyncio.to_thread(beside.wait, spec))
+        await asyncio.sleep(0.05)
+        assert not waiting.done()
+        await beside.run()
+        await waiting
+
+    asyncio.run(life())
+    assert order == ["made"] * 3
+    beside.wait(spec)
+
+
+def test_scans_are_read_by_machine_code_from_the_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    late = (registration.register, surface.surface, correlation.bounded)
+    for one in late:
+        monkeypatch.setattr(one, "_ready", None)
+        monkeypatch.setattr(one, "_patience", 0.0)
+    for name in ("BRIEF", "READ", "PER_BYTE"):
+        monkeypatch.setattr(functions, name, getattr(functions, name))
+    warming.warm_scans(shipped("robot_live"))
+    assert all(one._ready is not None for one in late)

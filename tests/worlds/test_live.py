@@ -69,6 +69,8 @@ def registers(arm: dict[str, str]) -> Iterator[Callable[[], Columns]]:
                 for name, at in TABLE.address.items()
             }
 
+        # it is busy until its first sample is there
+        until(lambda: not client.read_holding_registers(0, count=1).isError())
         yield read
 
 

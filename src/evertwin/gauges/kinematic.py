@@ -21,6 +21,8 @@ LITTLE = 0.03
 """Share by which one may go on from what it was beside the other."""
 SURE = 5.0
 """So many standard errors it has to be."""
+SIGMA = 1.4826
+"""Standard deviation of a normal law over the median of its distances from the middle."""
 
 
 def contradicted(setup: Setup, windows: Windows, rows: tuple[int, int], factors: Vector) -> bool:
@@ -71,14 +73,23 @@ def apart(rows: Rows) -> SensorChange | None:
 def _share(
     setup: Setup, windows: Windows, position: int, speed: int, *, angle: bool
 ) -> tuple[float, float]:
-    """The way by the speed, of that by the position, and its standard error; NaN: too few move."""
+    """The way by the speed, of that by the position, and its standard error, by medians; NaN: too
+    few move."""
     ways = [_ways(setup, w.u[:, [position, speed]], w.dt, angle) for w in windows]
     went, said = np.concatenate([np.zeros((0, 2)), *ways]).T
-    if len(went) < FEW or not went.any():
+    size = np.abs(went)
+    if len(went) < FEW or not size.any():
         return np.nan, np.nan
-    size = float(went @ went)
-    share = float(said @ went) / size
-    return share, float(np.sqrt(np.sum((said - share * went) ** 2) / (len(went) - 1) / size))
+    weight, of = size[size > 0.0] / size.sum(), said[size > 0.0] / went[size > 0.0]
+    share = _middle(of, weight)  # one sample that is none (all zeros, say) tells nothing of it
+    spread = SIGMA * _middle(np.abs(of - share), weight)
+    return share, spread * float(np.linalg.norm(weight)) * np.sqrt(0.5 * np.pi)
+
+
+def _middle(values: Vector, weight: Vector) -> float:
+    """Weighted median; the weights add up to one."""
+    order = np.argsort(values)
+    return float(values[order][np.searchsorted(np.cumsum(weight[order]), 0.5 - 1e-12)])
 
 
 def _ways(setup: Setup, u: np.ndarray, dt: Vector, angle: bool) -> np.ndarray:

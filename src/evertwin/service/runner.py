@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any, Literal, TypeAlias, TypeVar
 
 from evertwin.backoff import Backoff
+from evertwin.config.spec import TwinSpec
 from evertwin.engine import Pool
 from evertwin.errors import EvertwinError, NotYet, OwnershipLost, StoreUnwritable, UsageError
 from evertwin.fold import Chunk, Event
@@ -35,9 +36,8 @@ from evertwin.service.plan import Plan
 from evertwin.service.questions import answer
 from evertwin.service.queued import PATIENCE, at_rest, together
 from evertwin.service.silence import Silence, timeouts_of
-from evertwin.service.status import LONG, MAKING, status_of
+from evertwin.service.status import LONG, status_of
 from evertwin.service.tellers import tellers
-from evertwin.service.warming import warm
 from evertwin.sources.live.contract import Around, Health, LiveSource
 from evertwin.sources.live.registry import open_live
 from evertwin.store import SqlStore, looked_at
@@ -62,8 +62,9 @@ class Runner:
     """
 
     def __init__(
-        self, plan: Plan, store: Path | str, listeners: set[asyncio.Event], *, warms: bool,
-        pool: Pool | None = None, token: int | None = None,
+        self, plan: Plan, store: Path | str, listeners: set[asyncio.Event], *,
+        warm: Callable[[TwinSpec], None] | None = None, pool: Pool | None = None,
+        token: int | None = None,
     ) -> None:  # fmt: skip
         self.plan = plan
         self._pool = pool
@@ -104,8 +105,8 @@ class Runner:
         """When it is tried again, because its store could not be written; None: not by itself."""
         self._told = ""
         """The reason that the log has."""
-        self.warms = warms
-        """Is its machine code made before it runs?"""
+        self.warm = warm
+        """Makes its machine code before it runs, or waits for it."""
         self.began = time.monotonic()
         """When it was started."""
         self._reader: SqlStore | None = None
@@ -161,10 +162,9 @@ class Runner:
             LOG.info("%s: running%s", self.name, after, extra={"twin": self.name})
 
     def _opened(self) -> AtWork:
-        if self.warms:
+        if self.warm is not None:
             assert self.plan.spec is not None
-            LOG.info("%s: %s", self.name, MAKING, extra={"twin": self.name})
-            warm(self.plan.spec)
+            self.warm(self.plan.spec)
         return AtWork(self.plan, self.store, self._pool, self.token)
 
     @contextlib.contextmanager
@@ -201,9 +201,7 @@ class Runner:
 
     def anew(self) -> Runner:
         """The same twin, to be tried again."""
-        fresh = Runner(
-            self.plan, self.store, self.listeners, warms=False, pool=self._pool, token=self.token
-        )
+        fresh = Runner(self.plan, self.store, self.listeners, pool=self._pool, token=self.token)
         fresh.again, fresh._told, fresh.row = self.again, self._told, self.row
         return fresh.carry(self)
 

@@ -11,11 +11,12 @@ import asyncio
 import logging
 import os
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+from evertwin.config.spec import TwinSpec
 from evertwin.engine import Pool
 from evertwin.errors import ConfigError, UsageError, nearest
 from evertwin.refit import work_of
@@ -26,7 +27,7 @@ from evertwin.service.notify import beat_of, notify
 from evertwin.service.plan import Plan, Site, read_site
 from evertwin.service.runner import Runner
 from evertwin.service.tending import Tending
-from evertwin.service.warming import warm_beside
+from evertwin.service.warming import Beside, before
 
 LOG = logging.getLogger("evertwin.service")
 BEAT = 1.0
@@ -67,6 +68,8 @@ class Service:
         fleet = self.site.spec.fleet
         self.tending = Tending(self, fleet) if fleet.store else None
         """As one node of several; None: all twins are this process's."""
+        self._warm: Callable[[TwinSpec], None] | None = None
+        """What a twin calls before it begins."""
         self._turn = asyncio.Lock()
         self._tasks: list[asyncio.Task[None]] = []
 
@@ -76,8 +79,11 @@ class Service:
         self.site.store.mkdir(parents=True, exist_ok=True)
         self._tasks = [asyncio.create_task(self.lag.watch()), asyncio.create_task(self._beat())]
         if self.site.spec.warm == "beside":
-            specs = [plan.spec for plan in self.site.twins if plan.spec is not None]
-            self._tasks.append(asyncio.create_task(warm_beside(specs)))
+            beside = Beside([plan.spec for plan in self.site.twins if plan.spec is not None])
+            self._warm = beside.wait
+            self._tasks.append(asyncio.create_task(beside.run()))
+        elif self.site.spec.warm:
+            self._warm = before
         await self._follow(self.site)
         if self.tending is not None:
             await self.tending.step()
@@ -125,8 +131,8 @@ class Service:
     def _runner(self, plan: Plan) -> Runner:
         token = None if self.tending is None else self.tending.tokens[plan.name]
         return Runner(
-            plan, self._store(self.site), self.listeners, warms=self.site.spec.warm is True,
-            pool=self._pool, token=token,
+            plan, self._store(self.site), self.listeners, warm=self._warm, pool=self._pool,
+            token=token,
         )  # fmt: skip
 
     async def take(self, twin: str) -> None:

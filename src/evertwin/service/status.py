@@ -72,7 +72,9 @@ def _how(runner: Runner, state: str, over: set[str], judged: str | None) -> Mapp
         how["why"] = runner.reason
     elif state == "starting":
         so_far = f"{time.monotonic() - runner.began:.0f} s so far"
-        how["why"] = f"{MAKING}; {so_far}" if runner.warms else f"it is being opened; {so_far}"
+        how["why"] = (
+            f"{MAKING}; {so_far}" if runner.warm is not None else f"it is being opened; {so_far}"
+        )
         how["condition"] = "check"
     elif runner.stuck > LONG:
         how["condition"] = "check"

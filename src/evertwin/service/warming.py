@@ -12,6 +12,7 @@ import asyncio
 import dataclasses
 import logging
 import os
+import threading
 from collections.abc import Sequence
 from functools import partial
 
@@ -22,9 +23,11 @@ from evertwin.compiled.functions import at_once
 from evertwin.config.read import recorded
 from evertwin.config.spec import ArraySpec, TwinSpec
 from evertwin.engine import EngineSpec, Pool
+from evertwin.features.perception import Perception
 from evertwin.fold import Chunk
 from evertwin.models.terms import kernel
 from evertwin.refit.workers import setup_of
+from evertwin.service.status import MAKING
 from evertwin.setup.deviation import new_usual
 from evertwin.setup.scores import NEVER, exceeds, new_scores
 from evertwin.setup.setup import Setup
@@ -39,20 +42,54 @@ LONGEST = 3600.0
 """Time that compiling for one twin may take [s]."""
 
 
-async def warm_beside(specs: Sequence[TwinSpec]) -> None:
-    """Compiles what twins need in a process of its own, one after the other; until it is done each
-    function of this process runs plain until its machine code is there, or would pay."""
-    pool = Pool(1, EngineSpec(time=LONGEST, memory=16.0), partial(os.nice, NICE))
-    try:
-        for job in (warm_early, warm):  # what is felt first of all twins, then the rest
-            for spec in specs:
-                done = asyncio.to_thread(pool.map, job, [spec])
-                (wrong,) = await asyncio.gather(done, return_exceptions=True)
-                if isinstance(wrong, BaseException):  # its start says the same, and that ends it
-                    LOG.warning("%s: not compiled before it pays: %s", spec.name, wrong)
-        at_once()
-    finally:
-        await asyncio.to_thread(pool.close)
+class Beside:
+    """Compiles what twins need in a process of its own; until it is done each function of this
+    process runs plain until its machine code is there, or would pay. Scans alone are more than
+    plain Python keeps up with: a twin that perceives waits for their code.
+
+    >>> Beside.__name__
+    'Beside'
+    """
+
+    def __init__(self, specs: Sequence[TwinSpec]) -> None:
+        self._specs = specs
+        self._perceiving = threading.Event()
+
+    def wait(self, spec: TwinSpec) -> None:
+        """Until a twin may begin."""
+        if spec.perception is not None and not self._perceiving.is_set():
+            _say(spec)
+            self._perceiving.wait()
+
+    async def run(self) -> None:
+        """One twin after the other: scans, what is felt first, then the rest."""
+        pool = Pool(1, EngineSpec(time=LONGEST, memory=16.0), partial(os.nice, NICE))
+        try:
+            for job in (warm_scans, warm_early, warm):
+                for spec in self._specs:
+                    done = asyncio.to_thread(pool.map, job, [spec])
+                    (wrong,) = await asyncio.gather(done, return_exceptions=True)
+                    if isinstance(wrong, BaseException):  # its start says the same, and ends it
+                        LOG.warning("%s: not compiled before it pays: %s", spec.name, wrong)
+                self._perceiving.set()
+            at_once()
+        finally:
+            self._perceiving.set()
+            await asyncio.to_thread(pool.close)
+
+
+def warm_scans(spec: TwinSpec) -> None:
+    """Scans to poses: of a robot that stands between two walls, and then looks elsewhere."""
+    rule = spec.perception
+    beams = next((one.shape[0] for one in spec.array if rule and one.name == rule.scan), 0)
+    lidar = rule.lidar(beams) if rule and beams else None
+    if rule is None or lidar is None:
+        return
+    at_once()
+    stage = Perception(rule.scan, lidar, beams)
+    walls = 2.0 / np.maximum(np.abs(np.sin(lidar.angles(beams))), 0.2)
+    scans = Chunk(rule.scan, np.arange(3) * 10**9, np.array([walls, walls, np.roll(walls, 9)]))
+    stage.step(stage.init(), scans)
 
 
 def warm_early(spec: TwinSpec) -> None:
@@ -67,8 +104,19 @@ def warm_early(spec: TwinSpec) -> None:
     kernel.ready()
 
 
+def before(spec: TwinSpec) -> None:
+    """`warm` in the process of the twin, which says so."""
+    _say(spec)
+    warm(spec)
+
+
+def _say(spec: TwinSpec) -> None:
+    LOG.info("%s: %s", spec.name, MAKING, extra={"twin": spec.name})
+
+
 def warm(own: TwinSpec) -> None:
     """Compiles what a twin needs, or reads it from the cache; from now on nothing runs plain."""
+    warm_scans(own)
     warm_early(own)
     spec = dataclasses.replace(
         own, store=StoreSpec(), engine=dataclasses.replace(own.engine, workers=0)

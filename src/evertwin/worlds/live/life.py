@@ -76,8 +76,8 @@ class Samples:
 
 
 class Life:
-    """A machine that runs and speaks. ``start``: of its clock (Unix) [s]; None: now, once it can
-    speak.
+    """A machine that runs and speaks. ``start``: of its clock (Unix) [s]; None: the next
+    full second, once it can speak.
 
     >>> hasattr(Life, "run")
     True
@@ -102,7 +102,7 @@ class Life:
             told = await self._voice.open()
             told["control"] = f"127.0.0.1:{await control.open(port)}"
             now = time.time()
-            self._start = math.floor(10.0 * now) / 10.0 if self._given is None else self._given
+            self._start = float(math.ceil(now)) if self._given is None else self._given
             late = now - self._start if self._given is None else 0.0  # stamps are the wall's
             self._pace = Pace(self._machine.knobs.of("speed"), 0.0, loop.time() - late)
             ready(told, self._start)

@@ -55,20 +55,21 @@ class Registers:
 
 
 class ModbusServer:
-    """Shows the newest sample.
+    """Shows the newest sample; is busy until there is one.
 
     >>> ModbusServer(Registers(("q1",))).words
-    [0, 0, 0, 0, 0, 0, 0, 0]
+    []
     """
 
     def __init__(self, registers: Registers) -> None:
         self.registers = registers
-        self.words = [0] * len(registers.words(dict.fromkeys(registers.address, 0)))
+        self.words: list[int] = []
         self._server: ModbusTcpServer | None = None
 
     async def open(self, near: Address) -> Address:
         """Listens; returns where."""
-        block = SimData(0, values=self.words, datatype=DataType.REGISTERS, readonly=True)
+        empty = self.registers.words(dict.fromkeys(self.registers.address, 0))
+        block = SimData(0, values=empty, datatype=DataType.REGISTERS, readonly=True)
         device = SimDevice(UNIT, [block], action=self._read)
         self._server = ModbusTcpServer(device, address=near)
         await self._server.serve_forever(background=True)
@@ -80,6 +81,8 @@ class ModbusServer:
     ) -> ExcCodes | None:  # fmt: skip
         if written is not None:
             return ExcCodes.ILLEGAL_FUNCTION
+        if not self.words:
+            return ExcCodes.DEVICE_BUSY
         registers[:] = self.words
         return None
 
