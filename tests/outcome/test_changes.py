@@ -16,7 +16,7 @@ from evertwin.config.spec import (
     TwinSpec,
 )
 from evertwin.fold import Event
-from evertwin.models.form import Version
+from evertwin.models.form import Form, Term, Version
 from evertwin.outcome.changes import changes, in_words
 from evertwin.refit.judgement import partly
 from evertwin.twin import Twin
@@ -88,3 +88,13 @@ def test_a_fit_of_some_names_them() -> None:
         in partly(many[:8], many[8:]).reason
     )
     assert replace(partly(many[:1], many), kind="x").reason.startswith("only p0 was due")
+
+
+def test_a_form_that_came_with_its_threshold_is_told_as_one() -> None:
+    with Twin(TwinSpec("cart", ModelSpec("robot1d"))) as twin:
+        form = Form((Term("law", "v", variant="dead zone"),))
+        names = twin._versions.model_of(form).parameters.names
+        values = (1.0, 0.1, 1.0, 0.0, 1e9)
+        moved = Version(2, form, names, values, 1, "tuned law.v.threshold")
+        said = changes(twin.setup, (moved, twin.champion))
+        assert said == "v: start threshold 0.1 m/s (dead zone)"

@@ -42,8 +42,9 @@ class CusumState(NamedTuple):
     """Last standardised residuals, latest first."""
     sums: Float64[np.ndarray, "ny 2"]
     """Up and down."""
-    seen: Int64[np.ndarray, "ny 2"]
-    """Samples in ``past``; samples since the last alarm (−1: no excursion)."""
+    seen: Int64[np.ndarray, "ny 3"]
+    """Samples in ``past``; samples since the last alarm in the phase that it came in (−1: no
+    excursion); that phase."""
     calm: Residuals
     """Rows collected for calibrating, up to a fixed capacity."""
     collected: int
@@ -75,7 +76,7 @@ def watch(
                 past[j, m] = past[j, m - 1]
             if orders > 0:
                 past[j, 0] = z
-            if seen[j, 1] >= 0:
+            if seen[j, 1] >= 0 and phase[i] == seen[j, 2]:  # others say nothing of it
                 seen[j, 1] = -1 if seen[j, 1] >= quiet else seen[j, 1] + 1
             if seen[j, 0] < orders:
                 seen[j, 0] += 1
@@ -96,7 +97,7 @@ def watch(
                     peak[j] = max(sums[j, 0], sums[j, 1])
                     started += 1
                 sums[j, :] = 0.0
-                seen[j, 1] = 0
+                seen[j, 1], seen[j, 2] = 0, phase[i]
     return started
 
 
@@ -115,7 +116,7 @@ class Cusum:
     capacity: int = 1 << 14
     """Most rows kept for calibrating; when they do not suffice the older half is dropped."""
     quiet: int = 100
-    """Samples without alarm that end an excursion."""
+    """Samples without alarm that end an excursion, of all phases."""
 
     def __post_init__(self) -> None:
         if self.capacity < 2 * self.calm.least:
@@ -127,7 +128,7 @@ class Cusum:
     def init(self) -> CusumState:
         """Not calibrated yet, nothing collected."""
         ny = len(self.names)
-        empty, seen = np.zeros(self.capacity, dtype=np.int64), np.array([0, -1], dtype=np.int64)
+        empty, seen = np.zeros(self.capacity, dtype=np.int64), np.array([0, -1, 0], dtype=np.int64)
         return CusumState(
             blank(self.phases, ny, self.calm.orders), np.zeros((ny, self.calm.orders)),
             np.zeros((ny, 2)), np.tile(seen, (ny, 1)),
@@ -187,8 +188,9 @@ class Cusum:
         known, begins = state.calibration, np.zeros(part.r.shape, dtype=np.bool_)
         started = watch(
             part.r, part.phase, known.mean, known.scale, known.ar, known.sigma, known.limit,
-            0.5 * self.calm.shift, self.calm.clip, self.quiet, state.past, state.sums, state.seen,
-            state.height, state.peak, rows.alarm[at:], rows.statistic[at:], begins,
+            0.5 * self.calm.shift, self.calm.clip, self.quiet // self.phases, state.past,
+            state.sums, state.seen, state.height, state.peak, rows.alarm[at:],
+            rows.statistic[at:], begins,
         )  # fmt: skip
         for i, j in np.argwhere(begins).tolist() if started else ():
             word = "above" if rows.alarm[at + i, j] > 0 else "below"

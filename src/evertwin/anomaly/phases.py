@@ -79,9 +79,18 @@ class TaskSteps:
     [0, 0, 1, 1, 1, 1]
     """
 
-    duration: float
+    duration: float = 1.0
     """Duration of one task [s]; what lasts longer stays in the last step."""
-    parts: int
+    parts: int = 1
+
+    def named(self, step: int) -> str:
+        """Which of the steps it is, and when in a task.
+
+        >>> TaskSteps(duration=60.0, parts=6).named(2)
+        'step 3 of 6 (20 to 30 s of each task)'
+        """
+        first, last = (self.duration * k / self.parts for k in (step, step + 1))
+        return f"step {step + 1} of {self.parts} ({first:.4g} to {last:.4g} s of each task)"
 
     def of(self, t: Stamps, began: int) -> Tasks:
         """The step of each row of a task that began at a stamp [ns]."""

@@ -24,6 +24,7 @@ import numpy as np
 import scipy
 
 from evertwin.correction.evidence import Evidence, mean_deviation
+from evertwin.correction.sliding import cost_of, slid
 from evertwin.correction.stack import Part, Stack, bounded
 from evertwin.models.corrected import effective_inputs
 from evertwin.models.terms.contract import Candidate, GridTerm, Prior
@@ -95,8 +96,9 @@ def fit_candidate(stack: Stack, candidate: Candidate, evidence: Evidence) -> Sco
         starts.append(grown.with_p(p))
     free = _free(grown, (at,))
     if len(starts) > TRIED:
-        starts = sorted(starts, key=partial(_cost, evidence))[:TRIED]
+        starts = sorted(starts, key=partial(cost_of, evidence))[:TRIED]
     best, _ = min((_solve(s, free, evidence) for s in starts), key=lambda f: f[1])
+    best = slid(best, (at,), evidence, partial(anew, parts=(at,), evidence=evidence))
     return score(best, free, evidence)
 
 
@@ -107,7 +109,8 @@ def refit(stack: Stack, evidence: Evidence) -> Scored:
     """
     few = tuple(k for k, part in enumerate(stack.parts) if part.few and part.low)
     if few or stack.tuned:
-        stack = _solve(stack, _free(stack, few), evidence)[0]
+        stack = anew(stack, few, evidence)
+        stack = slid(stack, few, evidence, partial(anew, parts=few, evidence=evidence))
     grids = tuple(
         k
         for k, part in enumerate(stack.parts)
@@ -118,6 +121,11 @@ def refit(stack: Stack, evidence: Evidence) -> Scored:
         return Scored(stack, evidence.deviations(residual))
     scored = score(stack, _free(stack, few + grids), evidence)
     return scored._replace(free=None) if grids else scored  # a grid is solved under its prior
+
+
+def anew(stack: Stack, parts: Sequence[int], evidence: Evidence) -> Stack:
+    """With the numbers of some parts, and those of the base model beside them, fitted."""
+    return _solve(stack, _free(stack, parts), evidence)[0]
 
 
 def started(stack: Stack, evidence: Evidence) -> Stack:
@@ -180,12 +188,6 @@ def _jacobian(
     for k, r in enumerate(others):
         columns[:, k] = (r - base) / h[k]
     return columns
-
-
-def _cost(evidence: Evidence, stack: Stack) -> float:
-    """Σ soft_l1 of the residuals, as SciPy counts it."""
-    residual = evidence.residual(stack.model, stack.p)
-    return float(np.sum(np.sqrt(1.0 + residual**2) - 1.0))
 
 
 def confirm(scored: Scored, evidence: Evidence) -> Scored:

@@ -44,6 +44,7 @@ from evertwin.correction.describe import describe
 from evertwin.correction.evidence import Evidence, asked_of, gather, mean_deviation
 from evertwin.correction.fitting import Scored, confirm, fit_candidate, refit, started
 from evertwin.correction.own_numbers import own_numbers, unmoved
+from evertwin.correction.simpler import SWAP, simpler
 from evertwin.correction.stack import Stack, stack_of
 from evertwin.errors import TooFew, UsageError
 from evertwin.fold import Block, plain
@@ -57,9 +58,6 @@ from evertwin.types import Json, ParameterVector, Vector
 TINY = 1e-12
 UNASKED = 1e6
 """How many times its size counts as 1 of an output that is not asked about."""
-SWAP = 1.0
-"""Standard errors by which a richer term has to be better than the simpler ones in whose place it
-comes: of forms that both pay, the simplest within one standard error of the best."""
 MANY = 30
 """Segments from which on their scatter is known."""
 NEAR = 0.01
@@ -277,13 +275,17 @@ class _Search:
                 for part in now.stack.parts
             ):
                 continue
-            top = fit_candidate(now.stack, candidate, self.evidence)
-            found.append(_compared(candidate, (), fitted, top))
             simpler = [
                 k for k, part in enumerate(now.stack.parts)
                 if part.term.kind in candidate.replaces
                 and part.term.channel == candidate.term.channel
             ]  # fmt: skip
+            itself = candidate.term.kind in candidate.replaces and any(
+                now.stack.parts[k].term.kind == candidate.term.kind for k in simpler
+            )
+            if not itself:  # else it takes its own place
+                top = fit_candidate(now.stack, candidate, self.evidence)
+                found.append(_compared(candidate, (), fitted, top))
             if simpler:
                 bare = now.stack
                 for k in reversed(simpler):
@@ -304,15 +306,24 @@ class _Search:
         return best
 
     def pruned(self, now: Scored, level: float, gains: list[Gain]) -> tuple[Scored, float]:
-        """Without the terms that no longer pay; the terms of the form given stay."""
-        new = {id(g.term) for g in gains}
+        """Without new terms that no longer pay, and plain where a richer kind does not pay."""
+        new, rule = {id(g.term) for g in gains}, self.settings
         for k in reversed(range(len(now.stack.parts))):
-            if len(now.stack.parts) < 2 or id(now.stack.parts[k].term) not in new:
+            term, before, old = now.stack.parts[k].term, max(now.mean, TINY), level
+            if id(term) not in new:
                 continue
-            less = confirm(refit(now.stack.without(k), self.evidence), self.evidence)
-            if now.mean > (1 - self.settings.gain) * less.mean:
-                level *= less.mean / max(now.mean, TINY)
-                now = less
+            if len(now.stack.parts) > 1:
+                less = confirm(refit(now.stack.without(k), self.evidence), self.evidence)
+                if now.mean > (1 - rule.gain) * less.mean:
+                    now, level = less, level * less.mean / before
+                    continue
+            if (found := simpler(now, k, self.candidates, self.evidence)) is None:
+                continue
+            richer = _compared(found[0], (), found[1].deviations, now)
+            if richer.gain < rule.gain or richer.sure < rule.sure:
+                now, level = found[1], level * found[1].mean / before
+                said = _said(now.stack, found[0].term, now.detail)
+                gains.append(Gain(found[0].term, old, level, len(now.deviations), (term,), said))
         return now, level
 
     def scale(self, stack: Stack) -> Vector:

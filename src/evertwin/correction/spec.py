@@ -61,8 +61,9 @@ class CorrectionSpec(Section):
     channels: tuple[str, ...] = ()
     """Inputs (or states, for ``state`` and ``leak``) that may be corrected."""
     terms: tuple[str, ...] = ()
-    """Kinds of term that may be tried: lag, coupling, lever, current, law, table, surface, state,
-    leak, or one that another package brings; empty: the form stays."""
+    """Kinds of term that may be tried: lag, slew, coupling, lever, current, law, direction,
+    hysteresis, wheels, table, surface, state, leak, or one of another package; empty: the form
+    stays."""
     outputs: tuple[str, ...] = ()
     """Outputs that terms have to pay on, on held-out rows and in their trial; empty: all."""
     learner: Literal["full", "replay", "literal"] = "full"

@@ -264,7 +264,7 @@ def figures(setup: Setup, state: TwinState) -> dict[str, OutputFigures]:
     )
     judged = judged_deviation(scores.live_moving, setup.relative, scores.usual)
     judged = np.where(setup.watched & setup.decides, judged, np.nan)
-    held = state.agenda.held and not state.agenda.told
+    held = state.agenda.held and not (state.agenda.told or setup.detect.lasts(state.detect))
     return {
         channel.name: OutputFigures(
             channel.unit, float(pairs[0][0][k]), float(pairs[0][1][k]), float(pairs[1][0][k]),

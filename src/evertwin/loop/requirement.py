@@ -27,7 +27,8 @@ def heard(setup: Setup, state: TwinState, *, whole: bool) -> tuple[Alarm, TwinSt
     """The detectors' alarm if it matters, and the state without it; it is dropped, too, if it did
     not matter in a ``whole`` window behind it."""
     alarm, begins = state.detect.pending, state.row - int(state.scores.seen[0])
-    matters = bool(alarm.kind) and _matters(setup, state, alarm.signal)
+    parts = setup.steps.parts if alarm.step else 1
+    matters = bool(alarm.kind) and _matters(setup, state, alarm.signal, 1.0 / parts)
     if matters or (whole and alarm.row <= begins):
         state = state._replace(detect=state.detect._replace(pending=Alarm()))
     return alarm if matters else Alarm(), state
@@ -68,9 +69,9 @@ def unexplained(decision: Decision, setup: Setup, content: Mapping[str, Any]) ->
         decision.remember(again=row, hold=agenda.hold if "waits" in content else row + more)
 
 
-def _matters(setup: Setup, state: TwinState, signal: str) -> bool:
-    """Has the deviation over a window grown by enough, were the rows as before that have not come
-    yet? Squares are compared."""
+def _matters(setup: Setup, state: TwinState, signal: str, part: float = 1.0) -> bool:
+    """Has the deviation over a ``part`` of a window, a step of a task that repeats, grown by
+    enough, were the rows as before that have not come yet? Squares are compared."""
     if not np.isfinite(setup.requirement):
         return True
     scores, k = state.scores, setup.model.outputs.index(signal)
@@ -84,7 +85,7 @@ def _matters(setup: Setup, state: TwinState, signal: str) -> bool:
     rows = setup.watch(NONE, state.agenda.held).rows
     whole = max(1.0, rows / int(scores.seen[0]))
     asked = limits(setup.requirement, scores.watch, setup.relative, scores.usual)[k]
-    return bool(grown >= whole * (LITTLE * asked) ** 2)
+    return bool(grown >= whole * part * (LITTLE * asked) ** 2)
 
 
 def deviates(

@@ -52,7 +52,7 @@ def changes(setup: Setup, versions: Sequence[Version], events: Sequence[Event] =
     moves = [(name, old[name], now[name]) for name in names]
     steps = {name: [one.get(name, old[name]) for one in between] for name in names}
     told = in_words(moves, units, _halves(now, events), weak, steps)
-    return "; ".join([told, *terms[:FEW]])
+    return "; ".join(one for one in (told, *terms[:FEW]) if one)
 
 
 def _found(setup: Setup, version: Version, before: Version) -> Mapping[str, str]:

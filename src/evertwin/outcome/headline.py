@@ -280,9 +280,11 @@ def _calm(
         rows = [called(e.row) for e in suspected[-1:]]
         passed = "".join(f" It was {times}, last at {row}, and has held since." for row in rows)
         return f"The twin fits its machine{again}: {now}{lead}{asked}.{rest}{passed}"
-    last = doubts[-1]
+    last = next((e for e in reversed(doubts) if "step" in e.evidence), doubts[-1])
     why = f"{last.signal or last.kind}: {last.reason}"
-    why = f"it was {times} ({why}), and " if suspected else f"{why}, and "
+    open_step = "step" in last.evidence and not all(f.held for f in known.values())
+    lasts = ", which lasts" if open_step else ""
+    why = f"it was {times} ({why}){lasts}, and " if suspected else f"{why}, and "
     return (
         f"Over all rows the twin is within what is asked: {now}{lead}{asked}; but "
         f"{why if last.reason != found else ''}{found}."

@@ -75,7 +75,8 @@ class OutputFigures:
     spell: Spell | None = None
     """Where it is off by more than is asked: the one stretch on which it was, if it fits again."""
     held: bool = False
-    """Were all outputs within what is asked in the newest window that was judged?"""
+    """Were all outputs within what is asked in the newest window that was judged, and none beyond
+    what was calm?"""
 
     def __repr__(self) -> str:
         first, last = both(self.before, self.after, self.unit, self.recorded)

@@ -24,6 +24,7 @@ from evertwin.correction.sarsa_settings import SarsaSettings
 from evertwin.correction.sarsa_settings import propose as propose_actions
 from evertwin.correction.sarsa_table import Table
 from evertwin.correction.stack import stack_of
+from evertwin.errors import TooFew
 from evertwin.fold import Windows
 from evertwin.ledger.versions import Versions
 from evertwin.models import Model
@@ -35,6 +36,8 @@ from evertwin.types import Vector
 
 CLEARLY = 0.05
 """Part of the deviation by which a proposal from other numbers has to be the better one."""
+TRANSLATION = ("table", "law", "lag")
+"""Kinds of term that a translation is made of."""
 SHOWN = ("channel", "levels", "values", "visits", "learned")
 """What an event keeps of a translation table."""
 
@@ -42,13 +45,12 @@ SHOWN = ("channel", "levels", "values", "visits", "learned")
 def learn(
     setup: Setup, base: Model, version: Version, windows: Windows, *, beside: bool = False
 ) -> Proposal:
-    """A proposal for a corrected form of ``version``, learned on ``windows``; ``beside``: with the
-    model's numbers tuned beside each term."""
+    """A corrected form of ``version`` that is searched for on ``windows``, by all kinds but a table
+    that an agent learns; ``beside``: with the model's numbers tuned beside each term."""
     rule = setup.spec.correction
-    if rule.translated:
-        return _translation(setup, base, version, windows)
+    kinds = tuple(name for name in rule.terms if name != "table" or not rule.translated)
     settings = Selection(
-        rule.terms, rule.channels, quantum=rule.quantum, outputs=rule.outputs,
+        kinds, rule.channels, quantum=rule.quantum, outputs=rule.outputs,
         numbers=setup.editable, beside=beside,
     )  # fmt: skip
     return improve(base, version.form, windows, setup.horizon, settings, version.p)
@@ -57,10 +59,27 @@ def learn(
 def sought(
     setup: Setup, versions: Versions, starts: Sequence[Version], windows: Windows
 ) -> Proposal:
-    """A proposal for a corrected form of the last of these versions. Where the model's numbers are
-    tuned beside each term it is enough to begin with that one, if a term is found."""
-    rule, base = setup.spec.correction, setup.model
-    if not rule.translated and few_numbers(setup.editable):
+    """A proposal for a corrected form of the last of these versions: a translated input, or what is
+    searched for where kinds are named that a translation does not come to."""
+    rule, found = setup.spec.correction, list[Proposal]()
+    if rule.translated:
+        found = [_translation(setup, setup.model, start, windows) for start in starts]
+    if not {*rule.terms} <= {*TRANSLATION} or not found:
+        try:
+            found.append(_searched(setup, versions, starts, windows))
+        except TooFew:
+            if not found:
+                raise
+    return nearest(versions, found, windows, setup.horizon)
+
+
+def _searched(
+    setup: Setup, versions: Versions, starts: Sequence[Version], windows: Windows
+) -> Proposal:
+    """Where the model's numbers are tuned beside each term it is enough to begin with the last
+    version, if a term is found."""
+    base = setup.model
+    if few_numbers(setup.editable):
         found = learn(setup, base, starts[-1], windows, beside=True)
         if found.found:
             return found

@@ -94,17 +94,23 @@ def _with(posed: Problem, fit: Fit, begins: Fit | None) -> Vector:
     return values
 
 
-def after(windows: Windows, row: int) -> Windows:
-    """The rows from number ``row`` on.
+def after(windows: Windows, row: int, until: int | None = None) -> Windows:
+    """The rows from number ``row`` on, up to that before ``until``.
 
     >>> from evertwin.fold import make_block
     >>> rows = make_block(t=range(4), u=np.zeros((4, 1)), y=np.zeros((4, 1)))
     >>> [len(block.t) for block in after((rows,), 3)], after((rows,), 4)
     ([1], ())
+    >>> [len(block.t) for block in after((rows,), 0, 3)]
+    [3]
     """
+    spans = [
+        (block, max(row - block.row, 0), len(block.t) if until is None else until - block.row)
+        for block in windows
+    ]
     return tuple(
-        take(block, max(row - block.row, 0), len(block.t))
-        for block in windows if block.row + len(block.t) > row
+        take(block, first, min(last, len(block.t))) for block, first, last in spans
+        if first < min(last, len(block.t))
     )  # fmt: skip
 
 

@@ -28,12 +28,10 @@ from evertwin.gauges.silent import silent
 from evertwin.gauges.stuck import stuck
 from evertwin.ledger.versions import Versions
 from evertwin.machines.friction.resisting import not_physical
-from evertwin.models import Model
 from evertwin.models.form import Form, Version
 from evertwin.models.terms.registry import kind
 from evertwin.refit.answering import (
     against,
-    changed_since,
     event,
     goes_on,
     of_a_sensor,
@@ -43,8 +41,10 @@ from evertwin.refit.channels import caveats, of_a_bias, of_a_channel, of_what_is
 from evertwin.refit.correcting import sought
 from evertwin.refit.fewest import fewest
 from evertwin.refit.judgement import judged, numbers_first, of_the_form
+from evertwin.refit.known_badly import known_badly
 from evertwin.refit.named_cause import named_first
 from evertwin.refit.newest import after, newer, newest
+from evertwin.refit.one_form import made, plainer
 from evertwin.refit.physical import embodied, passive
 from evertwin.refit.posterior import posterior, sentences
 from evertwin.refit.recovered import recovered
@@ -64,7 +64,7 @@ from evertwin.tuning import Fit, Problem
 from evertwin.tuning.before import later
 from evertwin.tuning.hidden_starts import own_starts
 from evertwin.tuning.recordings import beginning
-from evertwin.types import Json, ParameterVector
+from evertwin.types import Json
 
 MUCH = 0.3
 """Explained share below which a suspicion waits for more rows, and by which a candidate has to
@@ -137,19 +137,12 @@ class Work(Tuner):
         own = dict(zip(task.version.names, task.version.values, strict=True))
         followed = {name: own[name] for name in self.setup.followed if name in own}
         found["values"] = followed | found["values"]
-        model, p = self._made(task.version, found)
+        model, p = made(self.versions, task.version, found)
         wrong = not_physical(model, p, task.windows) or passive(model, p, own)
         if wrong:
             content["candidate"] = None
             said, evidence = f"not physical: {wrong}", {"values": found["values"]}
             content["events"].append(event("rejected", "", said, evidence))
-
-    def _made(self, version: Version, found: dict[str, Any]) -> tuple[Model, ParameterVector]:
-        """The model of a candidate, and its parameters."""
-        model = self.versions.model_of(found["form"])
-        own = dict(zip(version.names, version.values, strict=True)) | found["values"]
-        names = model.parameters.names
-        return model, model.parameters.with_values({n: own[n] for n in names if n in own}).values
 
     def _surpassing(self, task: Task, rival: Version, content: dict[str, Any]) -> dict[str, Any]:
         """Of an answer: what a fit found and what to do next, or a candidate that is better than
@@ -160,7 +153,7 @@ class Work(Tuner):
             unseen = after(task.windows, max(rival.row, content.get("since", rival.row)))
             own = unseen if "since" in content else after(task.windows, found.get("told", 0))
             rows = newer(unseen, self.setup.enough) or own
-            new = left(self.setup, *self._made(task.version, found), rows, self.known)
+            new = left(self.setup, *made(self.versions, task.version, found), rows, self.known)
             gain = MUCH if self._pays(task, rival, unseen) else self.setup.trial.margin
             if np.nanmean(new / self.left(rival, rows)) <= 1.0 - gain:
                 return content
@@ -206,7 +199,7 @@ class Work(Tuner):
             return passed if task.scheduled else passed | {"next": self._next()}
         version = self.begun(version, windows) if task.held else version
         task = task._replace(version=version)
-        if was := recovered(self, task):
+        if was := recovered(self, task) or known_badly(self, task):
             return was
         windows, events = self.now(task, version, names)
         since = {"since": windows[0].row} if windows is not task.windows else {}
@@ -335,8 +328,9 @@ class Work(Tuner):
             if sum(len(block.t) for block in new) >= ENOUGH * len(names):
                 content = self._corrected(version, new)
                 if content["candidate"]:
-                    content["events"].insert(0, changed_since(new))
-                    return content | {"since": new[0].row}
+                    both = content, self._corrected(version, windows)
+                    parts = after(windows, 0, new[0].row), new, self.known
+                    return plainer(self.setup, self.versions, version, parts, both)
         return self._corrected(version, windows)
 
     def _corrected(self, version: Version, windows: Windows) -> dict[str, Any]:

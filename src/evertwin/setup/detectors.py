@@ -25,6 +25,7 @@ from evertwin.anomaly import (
     Rise,
     SnrLimit,
     SnrState,
+    TaskSteps,
 )
 from evertwin.anomaly.drift import KINDS
 from evertwin.anomaly.run_length import run_length
@@ -59,11 +60,14 @@ class Alarm(NamedTuple):
     """What of the residual has drifted."""
     value: float = 0.0
     """To how many standard deviations."""
+    step: int = 0
+    """In which step of a repeating task, from 1 on; 0: there are none."""
 
     @property
     def evidence(self) -> dict[str, Any]:
         """What an event of it says."""
         told: dict[str, Any] = {"row": self.row, "detector": self.detector}
+        told |= {"step": self.step} if self.step else {}
         return told | ({"of": self.of, "value": self.value} if self.of else {})
 
 
@@ -117,6 +121,8 @@ class Detect:
     use_snr: bool
     calibration: float = 0.0
     """Span of calm data that calibrates [s]; 0: as soon as it suffices; inf: the first task."""
+    steps: TaskSteps = TaskSteps()
+    """Of a task that repeats."""
 
     @classmethod
     def of(
@@ -186,7 +192,7 @@ class Detect:
         pending = state.pending
         if alarms and not pending.kind:
             first = min(alarms, key=lambda e: e.row)
-            pending = _alarm(first)
+            pending = _alarm(first, self.steps)
         others = tuple(e for e in events if e.kind == "not_calibrated")
         return state._replace(cusum=cusum, drift=drift, snr=snr, pending=pending, tried=0), others
 
@@ -204,6 +210,10 @@ class Detect:
                     kept.append(record)
                 state.told[k] = record.row
         return tuple(kept)
+
+    def lasts(self, state: DetectState) -> bool:
+        """Is an output beyond what was calm, and has not been back since?"""
+        return bool(self.cusum.on(state.cusum))
 
     def quiet(self, state: DetectState) -> bool:
         """Has a beat nothing to do for the detectors until one of them alarms?"""
@@ -276,11 +286,15 @@ class Detect:
         return enough and rows >= min(2 * state.tried, self.cusum.capacity)
 
 
-def _alarm(event: Event) -> Alarm:
-    """What a detector's event says."""
+def _alarm(event: Event, steps: TaskSteps) -> Alarm:
+    """What a detector's event says, and in which of the steps."""
     found: Any = event.evidence
     usual = "drift" if event.kind == "drift" else "cusum"
+    step, reason = 0, event.reason
+    if steps.parts > 1 and found.get("phase", -1) >= 0:
+        step = found["phase"] % steps.parts + 1
+        reason = f"in {steps.named(step - 1)} {reason}"
     return Alarm(
-        event.kind, event.signal, event.reason, event.row, found.get("detector", usual),
-        found.get("of", ""), found.get("value", 0.0),
+        event.kind, event.signal, reason, event.row, found.get("detector", usual),
+        found.get("of", ""), found.get("value", 0.0), step,
     )  # fmt: skip

@@ -190,7 +190,7 @@ class Setup:
     def steps(self) -> TaskSteps:
         """Steps of a task that repeats; one where nothing is said."""
         rule = self.spec.anomaly.steps
-        return TaskSteps(1.0, 1) if rule is None else TaskSteps(rule.duration, rule.parts)
+        return TaskSteps() if rule is None else TaskSteps(rule.duration, rule.parts)
 
     def phase(self, u: np.ndarray, t: np.ndarray, began: int) -> np.ndarray:
         """Phase of each row of a task that began at a stamp, (n,); 0 where none are set."""
@@ -358,7 +358,8 @@ class Setup:
         phases = self.steps.parts * (1 if self.regimes is None else self.regimes[1].count)
         rate = self.at_horizon.wanted and (self.spec.clock.rate or self.measured_rate)
         rows = max(round(self.horizon * rate), 1) if rate else 1
-        return Detect.of(self.spec.anomaly, self.model.outputs, self.watched, phases, rows)
+        found = Detect.of(self.spec.anomaly, self.model.outputs, self.watched, phases, rows)
+        return replace(found, steps=self.steps)
 
     @property
     def known_rate(self) -> float | None:

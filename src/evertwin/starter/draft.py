@@ -310,7 +310,9 @@ class Draft:
             return ("lag", "table", "law", "state")
         coupled = ("coupling",) if len(self.corrected) > 1 else ()
         posed = ("lever", "current") if self.kind in POSED else ()
-        return ("lag", *coupled, *posed, "table", "law")
+        wheeled = ("wheels",) if self.kind in ("differential", "odometer") else ()
+        base = ("slew", "direction", "hysteresis") if self._base else ()
+        return ("lag", *coupled, *posed, *wheeled, *base, "table", "law")
 
     @property
     def _goes(self) -> bool:

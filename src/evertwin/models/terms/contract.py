@@ -139,13 +139,16 @@ class CorrectionTerm(ABC):
     pairs: ClassVar[bool] = False
     """Does it read a second channel?"""
     rank: ClassVar[int] = 0
-    """Place in a stack: 0 for what depends on the row alone, 1 for memory, 2 for extra states."""
+    """Place in a stack: 0 for what depends on the row alone, 1 for what remembers it, 2 and 3 for
+    what comes in time, 3 for extra states, too."""
     linear: ClassVar[bool] = False
     """Does the effective input depend linearly on the parameters? Then it is a `GridTerm`."""
     steps: ClassVar[tuple[str, ...]] = ()
     """Parameters whose cost has steps: their interval is that of its profile."""
     slopeless: ClassVar[tuple[str, ...]] = ()
     """Parameters that no slope of the cost leads to."""
+    plain: ClassVar[str] = ""
+    """Kind that it comes down to where numbers of it are equal."""
     initials: ClassVar[tuple[str, ...]] = ()
     """Parameters that are an unmeasured state before a recording: each recording has its own."""
 

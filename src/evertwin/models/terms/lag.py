@@ -125,7 +125,7 @@ class Lag(CorrectionTerm):
     'all inputs: delay of 0.1 s and a first-order lag of 0.25 s'
     """
 
-    kind, rank, variants, steps = "lag", 1, ("", "delay"), ("delay",)
+    kind, rank, variants, steps = "lag", 2, ("", "delay"), ("delay",)
     alike = "sensors that tell of the outputs as late would look the same"
     functions = Functions(before)
 

@@ -31,6 +31,10 @@ UNBOUNDED = 1e9
 """A cap that never acts."""
 DEAF = 0.02
 """Gain up to which a machine does not answer to a command; a turned sign ends there, too."""
+STATIC = ("law", "direction", "hysteresis", "wheels", "table", "coupling")
+"""Kinds that say what comes of a command: each may take the place of the others."""
+EXACT = 1e-6
+"""Share of its reach by which a threshold moves that is one of the commands."""
 THRESHOLDS = 12
 """Start thresholds that are tried for a dead zone."""
 
@@ -129,22 +133,30 @@ def _laws(c: str, u: Vector, reach: float) -> Iterator[Candidate]:
     low, high = (0.2, -0.5 * reach, 0.2 * reach), (3.0, 0.5 * reach, 5.0 * reach)
     typical = (0.1, 0.05 * reach, 0.2 * reach)
     slopes = [(1.0, 0.0, 1.5 * reach), (1.0, 0.0, 0.8 * reach)]
-    instead = ("law", "table", "coupling")
-    yield Candidate(Term("law", c), SIMPLE, tuple(slopes), low, high, typical, replaces=instead)
+    yield Candidate(Term("law", c), SIMPLE, tuple(slopes), low, high, typical, replaces=STATIC)
     quiet = quiet_level(u)
     levels = (quiet,) if quiet > 0.0 else ()
     clamps = tuple((share * reach, *slope) for share in (0.1, 0.3) for slope in slopes)
     bounds = (0.0, *low), (0.6 * reach, *high), (0.05 * reach, *typical)
     clamp = Term("law", c, variant="clamp", levels=levels)
-    yield Candidate(clamp, SIMPLE, clamps, *bounds, replaces=instead)
-    zones = tuple((threshold, *slope) for threshold in _thresholds(u, reach) for slope in slopes)
+    yield Candidate(clamp, SIMPLE, clamps, *bounds, replaces=STATIC)
+    some, near = thresholds(u, reach), 0.05 * reach
+    if len(some) < THRESHOLDS:  # each command is tried, and it is one of them that starts nothing
+        near = EXACT * reach
+    zones = tuple((threshold, *slope) for threshold in some for slope in slopes)
     if zones:
-        zone = Term("law", c, variant="dead zone")
-        yield Candidate(zone, SIMPLE, zones, *bounds, fixed=(0,), replaces=instead)
+        yield Candidate(
+            Term("law", c, variant="dead zone"), SIMPLE, zones, *bounds[:2], (near, *typical),
+            fixed=(0,), replaces=STATIC,
+        )  # fmt: skip
 
 
-def _thresholds(u: Vector, reach: float) -> list[float]:
-    """Where a dead zone may end: the commands themselves if they are few, else shares of them."""
+def thresholds(u: Vector, reach: float) -> list[float]:
+    """Where a dead zone may end: the commands themselves if they are few, else shares of them.
+
+    >>> thresholds(np.array([0.0, 0.1, -0.2, 0.5, 1.0]), reach=1.0)
+    [0.1, 0.2, 0.5]
+    """
     size = np.unique(np.abs(u).round(12))
     size = size[(size > 0.0) & (size < 0.6 * reach)]
     if len(size) > THRESHOLDS:

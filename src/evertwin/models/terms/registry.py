@@ -4,7 +4,7 @@ Another package registers a `CorrectionTerm` (an object, not its class) under th
 ``evertwin.terms``, by the kind's own name. A kind is imported when a form or a twin file names it.
 
 >>> kind("lag").rank
-1
+2
 >>> kind("lagg")
 Traceback (most recent call last):
 evertwin.errors.UsageError: no kind of correction term 'lagg', did you mean 'lag'?
@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 
 GROUP = "evertwin.terms"
 KINDS = (
-    "lag", "coupling", "lever", "current", "law", "table", "surface", "state", "leak"
+    "lag", "slew", "coupling", "lever", "current", "law", "direction", "hysteresis", "wheels",
+    "table", "surface", "state", "leak",
 )  # fmt: skip
 """Those of the package, each in a file of its name; in the order in which they are tried."""
 
