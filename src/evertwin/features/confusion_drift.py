@@ -31,7 +31,7 @@ from evertwin.errors import DataError, UsageError
 from evertwin.features.confusions import EXCHANGES, Cell, Rate, confusions
 from evertwin.features.labelled import Labelled
 from evertwin.fold import Chunk, Event, Out
-from evertwin.types import Float64, Int64
+from evertwin.types import Float64, Int64, Json
 
 WINDOWS = tuple(100 * 2**k for k in range(8))
 """Labels that are compared at once."""
@@ -217,12 +217,14 @@ class ConfusionDrift:
             f": other than known (at most one such event in {self.per:g} labels without a drift)"
             if drifted else ": again as known"
         )  # fmt: skip
-        told = [
+        told: list[Json] = [
             {"truth": c.truth, "label": c.label, "known": c.simulated._asdict(),
              "now": c.real._asdict(), "p": c.p}
             for c in cells
         ]  # fmt: skip
-        evidence = {"cells": told, "window": window, "labels": state.came, "level": level}
+        evidence: dict[str, Json] = {
+            "cells": told, "window": window, "labels": state.came, "level": level,
+        }  # fmt: skip
         return Event(0, t, kind, self.source, reason, evidence)
 
 
@@ -232,9 +234,7 @@ def _counted(
     return np.bincount(c * truth + label, minlength=c * c).reshape(c, c).astype(np.int64)
 
 
-def _returned(
-    state: DriftState, at: tuple[int, int], known: float, now: Rate, window: int
-) -> bool:
+def _returned(state: DriftState, at: tuple[int, int], known: float, now: Rate, window: int) -> bool:
     """Is a cell that was told as it was known again?"""
     told = int(state.told[at])
     if not told or window < min(2 * told, WINDOWS[-1]) or state.came - window < state.at[at]:
