@@ -109,9 +109,10 @@ def main() -> int:
     delays, others, over = drifting(streams, STREAM)
     named = delays <= 5_000
     low, middle, high = np.quantile(delays, (0.25, 0.5, 0.75), method="inverted_cdf")
-    print(f".05 → .15 for good: named within 5,000 labels in {100 * named.mean():.1f} % of {streams} "
-          f"streams, after {low:.0f} / {middle:.0f} / {high:.0f} labels (quartiles, a fifth of them "
-          f"of that truth); other cells {others}; called over while it lasts {over}", flush=True)  # fmt: skip
+    print(f".05 → .15 for good: named within 5,000 labels in {100 * named.mean():.1f} % of "
+          f"{streams} streams, after {low:.0f} / {middle:.0f} / {high:.0f} labels (quartiles, a "
+          f"fifth of them of that truth); other cells {others}; called over while it lasts {over}",
+          flush=True)  # fmt: skip
     demands["named within 5,000 labels in 95 %"] = bool(named.mean() >= 0.95)
     delays, _, over = drifting(streams, BEGINS + LASTS)
     told = int((delays <= LASTS).sum())

@@ -3,8 +3,8 @@
 The newest labels are compared with the known ones over windows of doubling length, each every half
 of its length: short ones tell a large change soon, long ones a small one. Each comparison is the
 exact or permutation test of `evertwin.features.confusions`, over all cells at once. Of windows of
-``w`` labels there are ``2 / w`` a label; each is tested at the level ``w / (2 · per · windows)``, so
-that of labels that do not drift at most one in ``per`` raises an event on average, however long
+``w`` labels there are ``2 / w`` a label; each is tested at the level ``w / (2 · per · windows)``,
+so that of labels that do not drift at most one in ``per`` raises an event on average, however long
 they go on and however the looks depend on each other (expectations add up). Lengths whose level
 lies below what exchanges can tell are left out.
 
