@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from evertwin.app.options import AsJson, Check, Scans
+from evertwin.app.options import AsJson, Check, Scans, TwinFile
 
 app = typer.Typer()
 
@@ -51,6 +51,25 @@ def confusions(
     from evertwin.app.confusing import show_confusions
 
     show_confusions(files, (level, least), most, as_json, check)
+
+
+@app.command()
+def randomise(
+    twin: TwinFile,
+    data: Annotated[
+        list[Path] | None, typer.Option(help="Recording; list several. Default: the twin file's.")
+    ] = None,
+    as_json: AsJson = False,
+    check: Check = False,
+) -> None:
+    """How widely numbers, lag and noise of the simulation are drawn until it holds the machine.
+
+    Told are the share of what was measured inside the simulated 95 %, at each width, and its cost.
+    Example: evertwin randomise twin.toml --data run.csv
+    """
+    from evertwin.app.widening_shown import show_widening
+
+    show_widening(twin, data, as_json, check)
 
 
 @app.command()

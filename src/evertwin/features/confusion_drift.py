@@ -31,7 +31,7 @@ from evertwin.errors import DataError, UsageError
 from evertwin.features.confusions import EXCHANGES, Cell, Rate, confusions
 from evertwin.features.labelled import Labelled
 from evertwin.fold import Chunk, Event, Out
-from evertwin.types import Float64, Int64, Json
+from evertwin.types import Bool, Float64, Int64, Json
 
 WINDOWS = tuple(100 * 2**k for k in range(8))
 """Labels that are compared at once."""
@@ -145,7 +145,8 @@ class ConfusionDrift:
     def _look(self, state: DriftState, t: int, window: int, level: float) -> list[Event]:
         """Compares the newest labels with those known; marks in the state what is told."""
         last = np.arange(state.came - window, state.came) % len(state.rows)
-        if not state.told.any() and not self._suspects(state.rows[last]):
+        waits = _may_return(state, window)
+        if not waits.any() and not self._suspects(state.rows[last], state.told > 0):
             return []
         found = confusions(self._both(state.rows[last]), level)
         index = {name: k for k, name in enumerate(self.known.classes)}
@@ -157,7 +158,7 @@ class ConfusionDrift:
                 state.told[at], state.at[at] = window, state.came
                 more = cell.real.share > cell.simulated.share
                 state.share[at] = cell.real.low if more else cell.real.high
-            elif _returned(state, at, cell.simulated.share, cell.real, window):
+            elif waits[at] and _returned(state.share[at], cell.simulated.share, cell.real):
                 back.append(cell)
                 state.told[at] = 0
         for name in found.alone:
@@ -179,18 +180,19 @@ class ConfusionDrift:
         """Counts of truth × label that are known."""
         return _counted(self.known.truth, self.known.label, len(self.known.classes))
 
-    def _suspects(self, rows: Float64[np.ndarray, "w 4"]) -> bool:
-        """Is a rate so far off that a test is worth its time, or a truth not known at all?"""
+    def _suspects(self, rows: Float64[np.ndarray, "w 4"], told: Bool[np.ndarray, "c c"]) -> bool:
+        """Is a rate so far off that a test is worth its time, or a truth not known at all? Not of
+        what was told."""
         codes = rows[:, :PROBABILITY].astype(np.int64)
         known, now = self._table, _counted(codes[:, TRUTH], codes[:, LABEL], len(self._table))
         of, n = known.sum(axis=1, keepdims=True), now.sum(axis=1, keepdims=True)
-        if ((of == 0) & (n > 0)).any():
+        if ((of == 0) & (n > 0) & ~np.diag(told)[:, None]).any():
             return True
-        both = (of > 0) & (n > 0)
-        of, n = np.where(both, of, 1), np.where(both, n, 1)
-        share = (known + now) / (of + n)
+        asked = (of > 0) & (n > 0) & ~told & ~np.eye(len(told), dtype=np.bool_)
+        of, n = np.maximum(of, 1), np.maximum(n, 1)
+        share = np.minimum((known + now) / (of + n), 1.0)
         error = np.sqrt(share * (1 - share) * (1 / of + 1 / n))
-        return bool((both & (np.abs(now / n - known / of) > FAR * error)).any())
+        return bool((asked & (np.abs(now / n - known / of) > FAR * error)).any())
 
     def _both(self, rows: Float64[np.ndarray, "w 4"]) -> Labelled:
         """The known labels as simulated, the newest as real."""
@@ -234,14 +236,17 @@ def _counted(
     return np.bincount(c * truth + label, minlength=c * c).reshape(c, c).astype(np.int64)
 
 
-def _returned(state: DriftState, at: tuple[int, int], known: float, now: Rate, window: int) -> bool:
-    """Is a cell that was told as it was known again?"""
-    told = int(state.told[at])
-    if not told or window < min(2 * told, WINDOWS[-1]) or state.came - window < state.at[at]:
-        return False
-    drifted = float(state.share[at])
+def _may_return(state: DriftState, window: int) -> Bool[np.ndarray, "c c"]:
+    """Cells that were told by half the window at most, before it."""
+    long = window >= np.minimum(2 * state.told, WINDOWS[-1])
+    later = state.came - window >= state.at
+    return (state.told > 0) & long & later & ~np.eye(len(state.told), dtype=np.bool_)
+
+
+def _returned(drifted: float, known: float, now: Rate) -> bool:
+    """Is a rate nearer to what was known than to the drift, with its whole interval?"""
     middle = 0.5 * (known + drifted)
-    return now.high < middle if drifted > known else now.low > middle
+    return bool(now.high < middle if drifted > known else now.low > middle)
 
 
 def _said(cell: Cell) -> str:
