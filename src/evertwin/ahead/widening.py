@@ -181,7 +181,7 @@ def _noise(blocks: Sequence[Block]) -> PerOutput:
     second = np.concatenate([np.diff(block.y, n=2, axis=0) for block in blocks])
     with np.errstate(invalid="ignore"):
         found = np.nanmedian(np.abs(second), axis=0) / (0.6745 * np.sqrt(6.0))
-    return np.nan_to_num(found)
+    return np.asarray(np.nan_to_num(found))
 
 
 def _ends(

@@ -240,7 +240,8 @@ def _may_return(state: DriftState, window: int) -> Bool[np.ndarray, "c c"]:
     """Cells that were told by half the window at most, before it."""
     long = window >= np.minimum(2 * state.told, WINDOWS[-1])
     later = state.came - window >= state.at
-    return (state.told > 0) & long & later & ~np.eye(len(state.told), dtype=np.bool_)
+    off = ~np.eye(len(state.told), dtype=np.bool_)
+    return np.asarray((state.told > 0) & long & later & off)
 
 
 def _returned(drifted: float, known: float, now: Rate) -> bool:
