@@ -24,7 +24,7 @@ from evertwin.errors import DataError, EvertwinError, UsageError
 from evertwin.fold import make_block
 from evertwin.machines.assembly.path import Joints, Limits, Pause, plan
 from evertwin.models.terms.rows import level_count, propose_levels
-from evertwin.rows.alignment import low_pass
+from evertwin.rows.smoothing import low_pass
 from evertwin.setup.windows import windows_of
 
 ROWS = make_block(t=np.arange(10) * 10**9, u=np.zeros((10, 1)), y=np.zeros((10, 1)))

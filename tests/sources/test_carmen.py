@@ -238,3 +238,21 @@ def test_real_logs(data_dir: Path) -> None:
     assert (intel.count, intel.beams, intel.odometry) == (2672, 180, False)
     aces = inspect(data_dir / "laser_aces" / "aces-corrected.log.gz").scans[0]
     assert (aces.count, aces.beams, aces.odometry) == (440, 180, True)
+
+
+def test_scans_out_of_order_are_taken_by_their_even_stamps(tmp_path: Path) -> None:
+    order = np.arange(COUNT)
+    order[[9, 10, 30, 31]] = order[[10, 9, 31, 30]]
+    found = {}
+    for name, rows in (("in", np.arange(COUNT)), ("out", order)):
+        file = tmp_path / f"{name}.log"
+        lines = [f"ODOM {0.1 * i} 0 0 0 0 0 {i / 10:.6f} host {i / 10:.6f}\n{flaser(i, i / 10, 0)}"
+                 for i in rows]  # fmt: skip
+        file.write_text("\n".join([*lines, ""]))
+        found[name] = open_recording(file).scans[0]
+    one, other = found["in"], found["out"]
+    assert np.array_equal(one.t, other.t) and np.array_equal(one.ranges, other.ranges)
+    assert one.odometry is not None and other.odometry is not None
+    assert np.array_equal(one.odometry, other.odometry, equal_nan=True)
+    assert "2 of 40 scans stand out of order" in " ".join(other.findings)
+    assert "out of order" not in " ".join(one.findings)

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from evertwin.app.options import AsJson, Check, Scans
+from evertwin.app.options import AsJson, Check, Scans, TwinFile
 
 app = typer.Typer()
 
@@ -17,7 +17,8 @@ def confusions(
     files: Annotated[
         list[Path],
         typer.Argument(
-            help="Labels (CSV): of both sides with a column side, or simulated and real.",
+            help="Labels (CSV): of both sides with a column side, or simulated and real; with "
+            "--drift known ones and new ones (-: as they come on stdin).",
             metavar="LABELS.csv [REAL.csv]",
         ),
     ],
@@ -28,18 +29,47 @@ def confusions(
         float | None, typer.Option(help="Labels less probable than this count as none.")
     ] = None,
     most: Annotated[int, typer.Option(help="Confusions of each side that are listed.")] = 10,
+    drift: Annotated[
+        float, typer.Option(help="Has the second file drifted? Labels for one false event.")
+    ] = 0.0,
     as_json: AsJson = False,
     check: Check = False,
 ) -> None:
     """What a detector takes for what, simulated and real; whether they differ, and in what.
 
     Columns: truth, label; side (simulated or real) in a single file; probability, group and
-    settings of the simulation where there are some.
+    settings of the simulation where there are some. With --drift labels are taken in their order,
+    and an event names each confusion that is no longer as known.
     Example: evertwin confusions simulated.csv real.csv
+    Example: evertwin confusions known.csv new.csv --drift 200000
     """
+    if drift:
+        from evertwin.app.drifting import show_drift
+
+        show_drift(files, (drift, least), as_json, check)
+        return
     from evertwin.app.confusing import show_confusions
 
     show_confusions(files, (level, least), most, as_json, check)
+
+
+@app.command()
+def randomise(
+    twin: TwinFile,
+    data: Annotated[
+        list[Path] | None, typer.Option(help="Recording; list several. Default: the twin file's.")
+    ] = None,
+    as_json: AsJson = False,
+    check: Check = False,
+) -> None:
+    """How widely numbers, lag and noise of the simulation are drawn until it holds the machine.
+
+    Told are the share of what was measured inside the simulated 95 %, at each width, and its cost.
+    Example: evertwin randomise twin.toml --data run.csv
+    """
+    from evertwin.app.widening_shown import show_widening
+
+    show_widening(twin, data, as_json, check)
 
 
 @app.command()

@@ -73,9 +73,10 @@ def reads(text: str, name: str = "") -> TwinSpec:
 
 
 def recorded(twin: TwinSpec) -> tuple[SourceSpec | ArraySpec, ...]:
-    """What is read from recordings: the sources, and the scans that poses are made of."""
-    scan = "" if twin.perception is None else twin.perception.scan
-    return (*twin.source, *(one for one in twin.array if one.name == scan))
+    """What is read from recordings: the sources, the scans that poses are made of, labels."""
+    taken = [] if twin.perception is None else [twin.perception.scan]
+    taken += [] if twin.labels is None else [twin.labels.source]
+    return (*twin.source, *(one for one in twin.array if one.name in taken))
 
 
 def files_of(twin: TwinSpec, given: Sequence[str | Path] = ()) -> dict[int, tuple[Path, ...]]:

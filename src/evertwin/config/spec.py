@@ -21,7 +21,7 @@ from evertwin.config.prognosis import AccuracySpec, CostSpec, IndicatorSpec, Pro
 from evertwin.correction.spec import CorrectionSpec, SarsaSpec
 from evertwin.engine.spec import EngineSpec
 from evertwin.errors import UsageError
-from evertwin.features.spec import PerceptionSpec
+from evertwin.features.spec import LabelsSpec, PerceptionSpec
 from evertwin.fold.span import Span
 from evertwin.models.spec import ModelSpec, ParameterSpec
 from evertwin.settings.notes import Hidden, Path, PlacedError, Rows, dotted
@@ -56,6 +56,7 @@ __all__ = [
     "EngineSpec",
     "FilterSpec",
     "IndicatorSpec",
+    "LabelsSpec",
     "ModelSpec",
     "MovingSpec",
     "ParameterSpec",
@@ -98,6 +99,8 @@ class TwinSpec(Section):
     """Scans, images and the like, stored beside the rows, one ``[[array]]`` each."""
     perception: PerceptionSpec | None = None
     """The pose from scans; absent: it is recorded."""
+    labels: LabelsSpec | None = None
+    """What a detector says, watched for drift; absent: nothing."""
     derive: tuple[DeriveSpec, ...] = ()
     """Channels computed from others, one ``[[derive]]`` each."""
     signals: Mapping[str, SignalSpec] = field(default_factory=dict)
@@ -144,6 +147,7 @@ class TwinSpec(Section):
         for place, rows, span in self._times():
             self._spans(rows, span, place)
         self._perceives()
+        self._labelled()
         for k, one in enumerate(self.derive):
             if one.op == "slope" and self.clock.rate is None:
                 raise PlacedError(
@@ -196,6 +200,16 @@ class TwinSpec(Section):
                     f"perception: {key}: no [[source]] has the channels {', '.join(names)}",
                     ("perception", key),
                 )
+
+    def _labelled(self) -> None:
+        """What ``[labels]`` names is there."""
+        rule = self.labels
+        shapes = [one.shape for one in self.array if rule is not None and one.name == rule.source]
+        if rule is not None and shapes not in ([(3,)], [(4,)]):
+            raise PlacedError(
+                "labels: source: expected the name of an [[array]] of shape [3] or [4], got "
+                f"{rule.source!r}", ("labels", "source"),
+            )  # fmt: skip
 
     def _times(self) -> Iterator[tuple[Path, Rows, Span]]:
         """What may be written as rows or as a time, with its place and bounds."""

@@ -16,12 +16,14 @@ grey value the cost itself (``mode: raw``), 255 where nobody has seen.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from scipy import ndimage
 
-from evertwin.features.occupancy import FREE, OCCUPIED, UNKNOWN, Occupancy
+from evertwin.errors import DataError
+from evertwin.features.occupancy import FREE, OCCUPIED, UNKNOWN, Occupancy, grey_of
 from evertwin.types import Float64
 
 LETHAL, INSCRIBED, DEAREST, UNSEEN = 100, 99, 98, 255
@@ -69,6 +71,18 @@ def inflated(
     cost[blocked] = LETHAL
     cost[(chart.cells == UNKNOWN) & (cost == 0)] = UNSEEN
     return Occupancy(cost.astype(np.uint8), chart.resolution, chart.origin)
+
+
+def read_costs(file: Path) -> Occupancy:
+    """The costs of a YAML file and its image, whose grey values they are.
+
+    Raises:
+        DataError: no such file, or it holds no costs.
+    """
+    keys, grey = grey_of(file)
+    if keys.mode != "raw":
+        raise DataError(f"{file}: expected costs (mode: raw), got a map: give costs.yaml")
+    return Occupancy(grey.astype(np.uint8), keys.side, keys.origin)
 
 
 def freed(

@@ -9,7 +9,7 @@ draws anew each time, such as light or distance.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,10 +17,12 @@ import numpy as np
 
 from evertwin.errors import DataError, UsageError
 from evertwin.sources.small_table import ABSENT, Table, read_table
-from evertwin.types import Bools, Int64, Vector
+from evertwin.types import Bools, Float64, Int64, Vector
 
 NOTHING = "(nothing)"
 """Class of a row without a truth (nothing was there) or without a label (nothing was said)."""
+OTHER = "(other)"
+"""Class of words that are not known."""
 COLUMNS = {
     "truth": ("truth", "true", "ground_truth", "true_label", "actual"),
     "label": ("label", "predicted", "prediction", "predicted_label"),
@@ -108,9 +110,71 @@ def read_labelled(files: Sequence[Path], least: float | None = None) -> Labelled
         np.full(len(table.lines), k == 0) if len(tables) > 1 else _sides(table, columns[0])
         for k, table in enumerate(tables)
     ])  # fmt: skip
+    rows = _joined(tables, columns, sides, least)
     for kind, word in ((True, "simulated"), (False, "real")):
         if not (sides == kind).any():
             raise DataError(f"{files[0]}: expected {word} rows beside the others, got none")
+    return rows
+
+
+def read_alone(file: Path, least: float | None = None) -> Labelled:
+    """The rows of a file that are all of one side, called simulated.
+
+    Raises:
+        DataError: a column is absent, there are no rows, or a probability is none.
+        UsageError: a least probability for rows that have none.
+    """
+    table = read_table(file)
+    if not table.lines:
+        raise DataError(f"{file}: expected labels, got none")
+    return _joined([table], [_columns(table)], np.ones(len(table.lines), dtype=np.bool_), least)
+
+
+def with_others(rows: Labelled) -> Labelled:
+    """With a class more, `OTHER`, for words that its rows have not.
+
+    >>> with_others(Labelled.of(["a"], ["b"], [True])).classes
+    ('a', 'b', '(other)')
+    """
+    return replace(rows, classes=(*rows.classes, OTHER))
+
+
+def numbers_of(
+    table: Table, known: Labelled, groups: dict[str, int], least: float | None = None
+) -> Float64[np.ndarray, "n w"]:
+    """Rows of a table as numbers: truth and label in the classes of ``known``, whose last one is
+    for all others, probability, and where ``known`` has groups the group by ``groups``, to which
+    new ones are added.
+
+    Raises:
+        DataError: a column is absent, or a probability is none.
+        UsageError: a least probability for rows that have none.
+    """
+    names = _columns(table)
+    wanted = known.group is not None
+    if wanted != ("group" in names):
+        raise DataError(f"{table.name}: expected a column 'group' in both files or in none")
+    rows = _joined([table], [names], np.ones(len(table.lines), dtype=np.bool_), least)
+    place = {name: k for k, name in enumerate(known.classes)}
+    own = np.array([place.get(name, len(place) - 1) for name in rows.classes])
+    columns = [own[rows.truth], own[rows.label], rows.probability]
+    if wanted:
+        words = _words(table, names["group"])
+        columns.append(np.array([groups.setdefault(word, len(groups)) for word in words]))
+    return np.column_stack(columns).astype(np.float64)
+
+
+def _joined(
+    tables: Sequence[Table], columns: Sequence[Mapping[str, str]], sides: Bools,
+    least: float | None,
+) -> Labelled:  # fmt: skip
+    """The rows of all tables.
+
+    Raises:
+        DataError: a probability is none, or one table has groups and another has not.
+        UsageError: a least probability for rows that have none.
+    """
+    file = tables[0].name
     probability = np.concatenate([
         table.column(names["probability"])
         if "probability" in names else np.full(len(table.lines), np.nan)
@@ -118,7 +182,7 @@ def read_labelled(files: Sequence[Path], least: float | None = None) -> Labelled
     ])  # fmt: skip
     if not np.all((np.isnan(probability)) | ((probability >= 0) & (probability <= 1))):
         worst = probability[np.argmax(np.abs(np.nan_to_num(probability) - 0.5))]
-        raise DataError(f"{files[0]}: expected probabilities from 0 to 1, got {worst:g}: percent?")
+        raise DataError(f"{file}: expected probabilities from 0 to 1, got {worst:g}: percent?")
     truth, label = (
         [word for table, names in zip(tables, columns, strict=True)
          for word in _words(table, names[what])]
@@ -135,7 +199,7 @@ def read_labelled(files: Sequence[Path], least: float | None = None) -> Labelled
                     for word in _words(table, names["group"])))]  # fmt: skip
         group = coded(found).of
     elif any("group" in names for names in columns):
-        raise DataError(f"{files[0]}: expected a column 'group' in both files or in none")
+        raise DataError(f"{file}: expected a column 'group' in both files or in none")
     rows = Labelled.of(truth, label, sides, group, _settings(tables, columns))
     return Labelled(rows.classes, rows.truth, rows.label, rows.simulated, probability, group,
                     rows.settings)  # fmt: skip

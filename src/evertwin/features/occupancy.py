@@ -128,11 +128,42 @@ def save(drawn: Occupancy, file: Path, mode: str = "trinary") -> None:
     )
 
 
+class Keys(NamedTuple):
+    """What the YAML file of a map says.
+
+    >>> Keys("trinary", 0.05, (0.0, 0.0), 0.65, 0.196, True).side
+    0.05
+    """
+
+    mode: str
+    side: float
+    """Of a cell [m]."""
+    origin: tuple[float, float]
+    """x, y of the lower left corner [m]."""
+    occupied: float
+    free: float
+    dark: bool
+    """Are dark cells the occupied ones?"""
+
+
 def read(file: Path) -> Occupancy:
     """The map of a YAML file and the PGM image that it names, whoever wrote them.
 
     Raises:
         DataError: no such file, a key that is absent, or an image that is none.
+    """
+    keys, grey = grey_of(file)
+    share = 1 - grey / 255.0 if keys.dark else grey / 255.0
+    cells = np.full(grey.shape, UNKNOWN, np.uint8)
+    cells[share > keys.occupied], cells[share < keys.free] = OCCUPIED, FREE
+    return Occupancy(cells, keys.side, keys.origin)
+
+
+def grey_of(file: Path) -> tuple[Keys, np.ndarray]:
+    """What a YAML file says, and the rows of its image, upwards, 0 to 255.
+
+    Raises:
+        DataError: as `read`.
     """
     try:
         text = file.read_text(encoding="utf-8")
@@ -149,11 +180,8 @@ def read(file: Path) -> Occupancy:
         ) from None
     if turn or side <= 0:
         raise DataError(f"{file}: expected a resolution above 0 and an origin that is not turned")
-    grey = _grey(image, file)
-    share = 1 - grey / 255.0 if dark else grey / 255.0
-    cells = np.full(grey.shape, UNKNOWN, np.uint8)
-    cells[share > occupied], cells[share < free] = OCCUPIED, FREE
-    return Occupancy(cells, side, (x, y))
+    found = Keys(keys.get("mode", "trinary"), side, (x, y), occupied, free, dark)
+    return found, _grey(image, file)
 
 
 def _grey(image: bytes, file: Path) -> np.ndarray:

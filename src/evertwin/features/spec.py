@@ -1,4 +1,4 @@
-"""Settings of the pose that a twin takes from its machine's scans."""
+"""Settings of what a twin perceives: the pose by scans, what a detector confuses."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from annotated_types import Ge, Gt, Le
 
 from evertwin.errors import UsageError
 from evertwin.settings.kinds import Duration, Seconds
-from evertwin.settings.notes import Quantity
+from evertwin.settings.notes import Late, Quantity
 from evertwin.settings.section import Section
 from evertwin.signals.units import compatible
 from evertwin.sources.scans import Lidar
@@ -95,3 +95,25 @@ class PerceptionSpec(Section):
         even = Lidar.ahead(beams, self.step, self.longest)
         start = even.start if self.start is None else self.start
         return Lidar(start, self.step, self.longest, self.mount)
+
+
+@dataclass(frozen=True)
+class LabelsSpec(Section):
+    """``[labels]``: what a detector says of things whose class is known, against what it said
+    before: an event tells when it takes one for another more or less often.
+
+    >>> LabelsSpec("labels", "known.csv").per
+    200000.0
+    """
+
+    source: str
+    """The ``[[array]]`` of labels, each of ``shape = [3]``: truth and label by their number, from 0
+    in the order of ``classes``, and probability; of ``[4]`` with the number of the group (scene)
+    that it belongs to. A recording has them as columns: ``values.1``, …"""
+    known: Annotated[str, Late()]
+    """File (CSV) of the labels that are known, as for ``evertwin confusions``; relative to the twin
+    file."""
+    classes: tuple[str, ...] = ()
+    """Their names in the order of their numbers; absent: those of ``known``, by the alphabet."""
+    per: Annotated[float, Ge(1.0), Le(6e7)] = 2e5
+    """Labels that do not drift of which at most one raises an event, on average."""

@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 from evertwin.config import TwinSpec
 from evertwin.engine import Engine, InProcess
 from evertwin.errors import DataError, ModelError, StoreError, UsageError
+from evertwin.features.confusion_drift import DRIFTED
 from evertwin.features.perception import PERCEIVED
 from evertwin.fold import Answer, Block, Event, Record, canonical, copy
 from evertwin.ledger.begun import Begun
@@ -65,7 +66,7 @@ def settings_hash(spec: TwinSpec, feeds: Sequence[Brings] = ()) -> str:
     return hashlib.sha256(canonical(told).encode()).hexdigest()
 
 
-OF_ROWS = ("gap", "leapt", "unknown", *PERCEIVED)
+OF_ROWS = ("gap", "leapt", "unknown", *PERCEIVED, *DRIFTED)
 """Kinds of events of the alignment that are told beside those of a run."""
 
 

@@ -16,6 +16,7 @@ import re
 import time
 from collections import Counter
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from evertwin.backoff import Backoff
@@ -23,6 +24,7 @@ from evertwin.publishers import ros_content as content
 from evertwin.publishers.contract import About, Ask, News
 from evertwin.publishers.lasting import lasting
 from evertwin.publishers.ros_base import Base, Placing
+from evertwin.publishers.ros_maps import MAPS, Maps
 from evertwin.publishers.ros_spec import RosOutSettings
 from evertwin.ros.node import Node, NodeDown, Subscription, node_at
 from evertwin.ros.transforms import TYPES, transforms
@@ -47,6 +49,7 @@ class RosOut:
         moves = scene["kind"] in ("base", "line")
         self._base = Base(scene["pose"], settings.size) if moves else None
         self._placing = Placing(settings.odom, settings.base) if moves and settings.odom else None
+        self._maps = Maps(Path(settings.maps), settings.map) if settings.maps else None
         self._counts: Counter[str] = Counter()
         self._state, self._reason = "connecting", ""
         self._node: Node | None = None
@@ -60,7 +63,9 @@ class RosOut:
         """See `Publisher`."""
         reason = self._reason
         if self._state == "up" and self._node is not None:
-            reason = self._node.refused or (self._placing.reason if self._placing else "")
+            parts = (self._placing, self._maps)
+            told = [self._node.refused, *(part.reason for part in parts if part is not None)]
+            reason = next(filter(None, told), "")
         return {"protocol": "ros", "state": self._state, "reason": reason} | dict(self._counts)
 
     def open(self) -> None:
@@ -123,6 +128,10 @@ class RosOut:
             node.advertise(f"{topic}/prediction", "sensor_msgs/JointState")
         if self._placing is not None:
             node.advertise("/tf", TYPES[0])
+        if self._maps is not None:
+            self._maps.again()
+            for name, message in MAPS.items():
+                node.advertise(f"{topic}/{name}", message, latch=True)
 
     async def _listen(self, node: Node) -> None:
         """What the machine's odometry and other localisations say, until the node is gone."""
@@ -205,6 +214,9 @@ class RosOut:
         ]  # fmt: skip
         told += [self._life(name, one) for name, one in self._lives["components"].items()]
         self._say(self.settings.diagnostics, {"header": content.header(t, ""), "status": told})
+        if self._maps is not None and self._node is not None:
+            for name, message in self._maps.changed(t):
+                self._say(f"{self._topic}/{name}", message)
         if self._base is None or not self._base.way:
             return
         head = content.header(t, self.settings.map)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from typing import Annotated, TypeAlias
+from typing import Annotated, ClassVar, TypeAlias
 
 from annotated_types import Gt
 
@@ -25,6 +25,8 @@ class RosOutSettings(Masters, PublisherSettings):
     '/diagnostics'
     """
 
+    files: ClassVar[tuple[str, ...]] = ("maps",)
+
     topic: str = "/evertwin"
     """What all topics begin with: ``TOPIC/NAME/prediction``, for a base ``/path``, ``/measured``,
     ``/markers`` too. In NAME each sign that ROS does not know becomes ``_``."""
@@ -39,6 +41,10 @@ class RosOutSettings(Masters, PublisherSettings):
     the machine has no other localisation: when another node places the frame, this one stops."""
     base: str = "base_link"
     """Frame of the machine that its odometry places in ``odom``."""
+    maps: str = ""
+    """Folder of ``evertwin map -o`` and ``evertwin tables -o``: ``TOPIC/NAME/map`` and ``costs``
+    (``nav_msgs/OccupancyGrid``) and ``tables`` (``visualization_msgs/MarkerArray``) say what stands
+    in its files, again when these change. Its origin is that of the frame ``map``."""
     size: Metres = 0.4
     """Diameter of the ghost."""
 

@@ -26,14 +26,16 @@ import numpy as np
 
 from evertwin.config import TwinSpec
 from evertwin.errors import ConfigError
+from evertwin.features.confusion_drift import ConfusionDrift, DriftState
 from evertwin.features.perception import PerceptionState
 from evertwin.fold import Block, Chunk, Event, concatenate
 from evertwin.models import Model, remembers
 from evertwin.models.contract import is_adopted
 from evertwin.rows.channels import is_held, is_kept, is_measured, recorded_as
+from evertwin.rows.labelling import watched
 from evertwin.rows.perceiving import Perceiving, with_pose
+from evertwin.rows.smoothing import low_pass
 from evertwin.signals import Channel, Layout
-from evertwin.signals.fir import Symmetric
 from evertwin.signals.units import compatible
 from evertwin.sources.scans import Lidar
 from evertwin.sync import Align, AlignState, Feed, Rows
@@ -56,13 +58,15 @@ class AlignmentState(NamedTuple):
     """State of `Alignment`.
 
     >>> AlignmentState._fields
-    ('align', 'derive', 'perceived')
+    ('align', 'derive', 'perceived', 'labelled')
     """
 
     align: AlignState
     derive: DeriveState
     perceived: PerceptionState | tuple[()] = ()
     """Empty where no pose is made of scans."""
+    labelled: DriftState | tuple[()] = ()
+    """Empty where no labels are watched."""
 
 
 @dataclass(frozen=True)
@@ -72,6 +76,7 @@ class Alignment:
     align: Align
     derive: Derive
     perceiving: Perceiving | None = None
+    labels: ConfusionDrift | None = None
 
     @classmethod
     def of(
@@ -126,7 +131,7 @@ class Alignment:
         derive = Derive(
             names, operations, tuple(inputs), tuple(outputs), clock.rate, (span[0], span[1])
         )
-        return cls(align, derive, perceiving)
+        return cls(align, derive, perceiving, watched(spec))
 
     @cached_property
     def plain(self) -> bool:
@@ -143,11 +148,16 @@ class Alignment:
     def init(self) -> AlignmentState:
         """The state before the first sample."""
         perceived = () if self.perceiving is None else self.perceiving.init()
-        return AlignmentState(self.align.init(), self.derive.init(), perceived)
+        labelled = () if self.labels is None else self.labels.init()
+        return AlignmentState(self.align.init(), self.derive.init(), perceived, labelled)
 
     def takes(self, source: str) -> bool:
-        """Are poses made of the scans of a source?"""
-        return self.perceiving is not None and source == self.perceiving.rule.scan
+        """Are poses made of the arrays of a source, or are they labels that are watched?"""
+        scan = self.perceiving is not None and source == self.perceiving.rule.scan
+        return scan or self._labelled(source)
+
+    def _labelled(self, source: str) -> bool:
+        return self.labels is not None and source == self.labels.source
 
     def check(self, chunk: Chunk) -> None:
         """Does a chunk fit its source?
@@ -155,7 +165,9 @@ class Alignment:
         Raises:
             DataError: the source is unknown, or has another number of columns.
         """
-        if self.perceiving is None or self.perceiving.check(chunk):
+        if self.labels is not None and self._labelled(chunk.source):
+            self.labels.check(chunk)
+        elif self.perceiving is None or self.perceiving.check(chunk):
             self.align.check(chunk)
 
     def step(
@@ -166,6 +178,12 @@ class Alignment:
         Raises:
             DataError: the source is unknown, or has another number of columns.
         """
+        if self.labels is not None and self._labelled(chunk.source):
+            assert isinstance(state.labelled, DriftState)
+            labelled, out = self.labels.step(state.labelled, chunk)
+            row, told = self.align.row(state.align), _told(out.records)
+            events = tuple(replace(event, row=row) for event in told)
+            return state._replace(labelled=labelled), None, events
         if self.perceiving is None or chunk.source == TICK:
             return self._aligned(state, chunk)
         self.check(chunk)
@@ -367,22 +385,6 @@ def apart(spec: TwinSpec) -> int:
     wide = (1 if one.op == "derivative" else round(0.5 * one.value * rate)
             for one in spec.derive if one.op in WIDE and one.op != "filter")  # fmt: skip
     return band + 2 * sum(wide) + 1
-
-
-def low_pass(spec: TwinSpec) -> Symmetric:
-    """The filter of ``[filter]``.
-
-    Raises:
-        ConfigError: the twin file gives no filter, or no rate.
-    """
-    rule, rate = spec.filter, spec.clock.rate
-    if rule is None:
-        raise ConfigError('[[derive]] op = "filter": expected a [filter] section that says which')
-    if rate is None:
-        raise ConfigError("[filter]: a filter needs rows at a fixed rate: set rate in [clock]")
-    if rule.kind == "butterworth":
-        return Symmetric.butterworth(rule.cutoff, rate, rule.order)
-    return Symmetric.savgol(2 * round(min(0.5 * rate / rule.cutoff, 1e9)) + 1, rule.order)
 
 
 def _kind(name: str, angles: set[str]) -> Literal["angle", "linear"]:

@@ -226,7 +226,9 @@ class Feed:
     ) -> Iterator[Chunk]:
         every = recorded(self.spec)
         sources = [self._reader(every[i], paths).read() for i, paths in files.items() if paths]
-        return merge(sources, moved=moved, most=MOST if self.spec.perception is None else 1)
+        return merge(
+            sources, moved=moved, most=1 if self.spec.perception or self.spec.labels else MOST
+        )
 
     def _lidar(self, data: Any) -> Lidar | None:
         """Where the beams of recorded scans look; None: their recording does not say it.
@@ -240,7 +242,7 @@ class Feed:
         every = recorded(self.spec)
         for i, paths in files.items():
             one = self._reader(every[i], paths) if paths else None
-            if isinstance(one, RecordedScans):
+            if isinstance(one, RecordedScans) and one.spec.name == self.spec.perception.scan:
                 return one.lidar
         raise ConfigError("[perception] makes the pose of scans: give their recording too")
 

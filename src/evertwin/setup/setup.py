@@ -16,10 +16,10 @@ from evertwin.errors import ConfigError, UsageError
 from evertwin.fold import Beat
 from evertwin.fold.span import Span
 from evertwin.models import LinearModel, Model
-from evertwin.rows.alignment import low_pass
 from evertwin.rows.channels import is_measured, measured, motions, unit_told
 from evertwin.rows.plausibility import arbiter_of
 from evertwin.rows.ring import Ring
+from evertwin.rows.smoothing import low_pass
 from evertwin.setup.at_horizon import AtHorizon
 from evertwin.setup.detectors import Detect
 from evertwin.setup.residual_filter import ResidualFilter

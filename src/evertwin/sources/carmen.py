@@ -42,6 +42,7 @@ from evertwin.sources.scans import (
     ceiling,
     increasing,
     mended,
+    shuffled,
 )
 from evertwin.sources.stamps import NO_STAMP, texts, to_ns
 from evertwin.sources.straight_walls import beam_step
@@ -201,6 +202,9 @@ def _odometry(lines: _Lines) -> tuple[_Odometry | None, list[str]]:
     number = np.array([n for n, *_ in lines.odometry])
     poses = np.array([row[:3] for _, row, _ in lines.odometry])
     t = to_ns(texts([cell for *_, cell in lines.odometry]), "s")
+    order = shuffled(t)
+    if order is not None:
+        t, poses, number = t[order], poses[order], np.sort(number)
     keep = (t != NO_STAMP) & (t != 0)  # 0: nobody set it
     keep[keep] = increasing(t[keep])
     if 2 * keep.sum() < len(t):
@@ -238,24 +242,30 @@ def _scans(
     if others:
         notes.append(f"{name}: {others} of {len(found)} scans have not {usual} beams: left out")
     found[:] = [scan for scan in found if len(scan.ranges) == usual]
+    raw, said = to_ns(texts([scan.stamp for scan in found]), "s"), []
+    order = shuffled(raw)
+    if order is not None:
+        found[:], moved_rows = [found[k] for k in order], int((np.diff(raw) < 0).sum())
+        said.append(f"{moved_rows} of {len(raw)} scans stand out of order, by their stamps, which "
+                    "are even: taken in the order of these")  # fmt: skip
+        raw = raw[order]
     ranges = np.array([scan.ranges for scan in found]).reshape(len(found), usual)
     longest = math.inf if found[0].angles is None else found[0].angles[2]
     error = NO_RETURN if longest < NO_RETURN + 1 or math.isinf(longest) else math.inf
     longest = min(longest, error, ceiling(ranges))
     ranges[~((ranges > 0) & (ranges < longest))] = np.nan
-    raw = to_ns(texts([scan.stamp for scan in found]), "s")
     t, kept = mended(raw)
     stated = None
     if all(scan.poses for scan in found):
         stated = np.array([scan.poses[:3] for scan in found])
     odometry, mount = moved
     wheels = None if odometry is None else _beside(found, t, bool(kept.any()), odometry)
-    wheels, said = _of_lidar(found, wheels, mount)
+    wheels, about = _of_lidar(found, wheels, mount)
     step, assumed = _assumed(name, ranges)
     lidar = Lidar.ahead(usual, step, longest)
     if found[0].angles is not None:
         lidar, assumed = Lidar(*found[0].angles[:2], longest), ""
-    findings = (*_clock(raw, kept), *said)
+    findings = (*said, *_clock(raw, kept), *about)
     return Scans(
         name, t, ranges, lidar, wheels, stated, bool(kept.any()), findings, assumed=assumed,
         handed=True,

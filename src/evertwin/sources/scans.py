@@ -21,6 +21,9 @@ import numpy as np
 
 from evertwin.types import Bools, Float64, Int64, Stamps, Vector
 
+EVENLY, UNEVEN, REGULAR, FAR_OFF = 20, 0.25, 0.95, 10
+"""Of rows out of order: fewest that tell; by how much of the usual a step may differ, which share
+of the steps does not; how many rows one may be off."""
 OFTEN = 1e-3
 """Share of all ranges that the largest one must have to be no measurement."""
 Poses = Float64[np.ndarray, "n 3"]
@@ -138,6 +141,27 @@ def increasing(t: Stamps) -> Bools:
     while i >= 0:
         keep[i], i = True, int(before[i])
     return keep
+
+
+def shuffled(t: Stamps) -> Int64[np.ndarray, " n"] | None:
+    """The order of rows that stand out of order, though their stamps are right; None: they do not.
+
+    Their stamps then follow each other evenly once they are sorted, and no row is far off.
+
+    >>> t = np.arange(30) * 10
+    >>> t[[4, 5]] = t[[5, 4]]
+    >>> order = shuffled(t)
+    >>> t[order].tolist() == sorted(t.tolist()), shuffled(np.sort(t)) is None
+    (True, True)
+    """
+    steps = np.diff(t)
+    if len(t) < EVENLY or (steps > 0).all():
+        return None
+    order = np.argsort(t, kind="stable").astype(np.int64)
+    steps = np.diff(t[order])
+    even = np.abs(steps - np.median(steps)) < UNEVEN * np.median(steps)
+    far = int(np.abs(order - np.arange(len(t))).max())
+    return order if (steps > 0).all() and even.mean() >= REGULAR and far <= FAR_OFF else None
 
 
 def mended(t: Stamps) -> tuple[Stamps, Bools]:
