@@ -185,7 +185,8 @@ class Work(Tuner):
         setup, version = self.setup, task.version
         if not setup.spec.tuning.states or not task.windows:
             return task, {}
-        states = States(setup, version, lambda names, rows: self.problem(version, rows, names))
+        states = States(setup, version, lambda names, rows: self.problem(version, rows, names),
+                        task.commissioned)  # fmt: skip
         live = [name for name in setup.spec.tuning.states if amount(setup, name, version)]
         if task.kind == "refine":
             found = states.known(live[0], task.windows) if live else None
