@@ -4,8 +4,8 @@ A state is a cause of its own (``[tuning.causes]``), and its few numbers alone a
 else is editable. It is looked for on rows of the machine as it is now: from the place on from which
 the state's numbers predict better than the version does. It is there if numbers learned on one half
 of these rows predict the other half, and leave much less there than any other cause so learned.
-A version that never held may be wrong from the first row on: beside it a state has to have come, and
-what no machine has less of than nothing is none.
+A version that never held may be wrong from the first row on: beside it a state has to have
+come, and what no machine has less of than nothing is none.
 """
 
 from __future__ import annotations
@@ -142,7 +142,7 @@ class States:
         problems = self.pose(names, before), self.pose(names, now)
         off = [float(self._off(one, one.start).sum()) / max(one.rows.used.any(axis=1).sum(), 1)
                for one in problems]  # fmt: skip
-        return off[0] <= LEFT * off[1]
+        return bool(off[0] <= LEFT * off[1])
 
     def _enough(self, windows: Windows, names: tuple[str, ...]) -> bool:
         """Do enough of the rows count?"""

@@ -99,8 +99,8 @@ class Work(Tuner):
         known, horizon = (*task.earlier, *task.windows), self.setup.horizon
         if self.known != known:
             return replace(self, known=known).content(task)
-        rows = (at_rest(self.setup, rightly_begun(self.setup, w)) for w in task.windows)
-        task = task._replace(windows=tuple(rows))
+        begun = (at_rest(self.setup, rightly_begun(self.setup, w)) for w in task.windows)
+        task = task._replace(windows=tuple(begun))
         try:
             if task.windows and not own_starts(model, len(task.windows)):
                 rows = later(model, p, horizon, (known, task.windows))

@@ -78,11 +78,10 @@ def weigh_anew(limits: Any, values: Any, board: Any, room: Any, size: int, votes
 
 @njit(**COLD)
 def in_scale(limits: Any, values: Any, j: int) -> bool:
-    """Were trusted samples about as large as expected, and off by less? A friction that no model
-    knows is none of what it expects. A state that adopts them answers for it."""
+    """Were trusted samples about as large as expected? A state that adopts them answers for it."""
     alike, expected = values[j, at.ALIKE], values[j, at.EXPECTED]
     both = expected <= at.FAR * alike and alike <= at.FAR * expected
-    return bool(limits[j, at.ADOPTS] > 0 or (both and values[j, at.SQUARE] <= expected))
+    return bool(limits[j, at.ADOPTS] > 0 or both)
 
 
 @njit(**COLD)
