@@ -18,7 +18,7 @@ from evertwin.models.batch import mapped
 from evertwin.setup.detectors import Alarm
 from evertwin.setup.scores import judged_anew
 from evertwin.setup.setup import Setup
-from evertwin.types import Inputs, Stamps, Vector
+from evertwin.types import Float64, Inputs, Stamps, Vector
 
 ENOUGH = 50
 """Rows in motion that tell a sensor from a push."""
@@ -38,6 +38,8 @@ class _Beside(NamedTuple):
     """Predicted."""
     u: Inputs
     row: Stamps
+    own: Float64[np.ndarray, "n three"]
+    """How fast the predicted changes from row to row, speed, and how fast that changes."""
 
 
 def disturbed(decision: Decision, setup: Setup, versions: Versions) -> bool:
@@ -98,28 +100,34 @@ def _sensor(
 
 
 def _in_proportion(decision: Decision, setup: Setup, versions: Versions, contact: Contact) -> bool:
-    """Is an output off by a share of what is predicted, since the contact began and after it? A
-    push adds the same whatever is predicted, and ends."""
+    """Is an output off by a share of what is predicted, of how that changes, of its speed and
+    acceleration, before the contact, since it began and after it? A push adds the same whatever the
+    machine does, and ends."""
     rows = _beside(decision, setup, versions, contact, goes_on=True)
     if rows is None or contact.last < 0:
         return False
     k = setup.model.outputs.index(contact.outputs[0])
     usual = float(decision.state.external.figures[k, SQUARE])
-    off, pushed = rows.a - rows.b, rows.row <= contact.last
-    share = off - float(off @ rows.b / (rows.b @ rows.b)) * rows.b
+    off, pushed = rows.a - rows.b, (contact.first <= rows.row) & (rows.row <= contact.last)
+    if not pushed.any():
+        return False
+    own = np.column_stack([rows.b, rows.own])
+    share = off - own @ np.linalg.lstsq(own, off, rcond=1e-9)[0]
     push = off - np.where(pushed, np.mean(off[pushed]), 0.0)
-    own = float(np.mean(np.square(share)))
-    return own <= USUAL * usual and float(np.mean(np.square(push))) >= CLEARLY * own
+    left = float(np.mean(np.square(share)))
+    return left <= USUAL * usual and float(np.mean(np.square(push))) >= CLEARLY * left
 
 
 def _beside(
     decision: Decision, setup: Setup, versions: Versions, contact: Contact, *, goes_on: bool
 ) -> _Beside | None:
     """The only output of a contact and what is predicted of it, where it moves and that varies:
-    within the contact, or since it began too. None: there are too few such rows."""
+    within the contact, or as long before it, and since it began too. None: such rows are few."""
     state = decision.state
-    stop = state.ring.end if goes_on or contact.last < 0 else contact.last + 1
-    windows = setup.ring.between(state.ring, contact.first, stop)
+    end = state.ring.end if contact.last < 0 else contact.last + 1
+    first, stop = contact.first, state.ring.end if goes_on else end
+    first = max(first - (end - first), state.ring.first, 0) if goes_on else first
+    windows = setup.ring.between(state.ring, first, stop)
     model, p = versions.model(state.live.version), versions[state.live.version].p
     if len(model.states) or len(contact.outputs) != 1 or not windows:
         return None
@@ -128,12 +136,13 @@ def _beside(
         np.concatenate([getattr(one, name) for one in windows]) for name in ("u", "dt", "y")
     )
     row = np.concatenate([one.row + np.arange(len(one.t)) for one in windows])
-    expected = mapped(model, u, dt, p)[:, k]
-    rows = setup.moving(u)[:, k] & np.isfinite(expected) & np.isfinite(y[:, k])
+    expected, speed = mapped(model, u, dt, p)[:, k], u[:, setup.judged_by[0][k]]
+    own = np.column_stack([np.gradient(expected), speed, np.gradient(speed)])
+    rows = setup.moving(u)[:, k] & np.isfinite(own).all(axis=1) & np.isfinite(y[:, k])
     a, b = y[rows, k], expected[rows]
     if len(a) < ENOUGH or np.std(b) < VARIES * np.sqrt(np.mean(np.square(b))):
         return None
-    return _Beside(a, b, u[rows], row[rows])
+    return _Beside(a, b, u[rows], row[rows], own[rows])
 
 
 def forget(decision: Decision) -> None:

@@ -46,8 +46,11 @@ class Recursion:
         followed = matching(problem.names, rule.follow, "tuned parameter") or wears
         prior = _prior(model.parameters.with_values(fit.p), followed, rule.spread)
         raw = replace(problem, filter=None)
-        left = raw.residuals(fit.values)
-        scale = rule.caution * np.sqrt(np.nanmean(np.square(left), axis=0))
+        left = np.square(raw.residuals(fit.values))
+        rows = np.count_nonzero(np.isfinite(left), axis=0)
+        # of an output of which no row told, nothing is learned: how far to trust it is not known
+        mean = np.where(rows > 0, np.nansum(left, axis=0), np.inf) / np.maximum(rows, 1)
+        scale = rule.caution * np.sqrt(mean)
         every = max(1, round(rule.learn * (setup.spec.clock.rate or 1.0)))
         return cls(
             setup,

@@ -17,6 +17,7 @@ from evertwin.errors import ModelError
 from evertwin.fold import Block, Mark, Record
 from evertwin.models import Model
 from evertwin.models.failures import Failed
+from evertwin.setup.at_rest import at_rest
 from evertwin.setup.false_start import rightly_begun
 from evertwin.setup.setup import Setup
 from evertwin.types import Outputs, ParameterVector
@@ -49,7 +50,7 @@ def screened(setup: Setup, model: Model, p: ParameterVector, windows: Iterable[B
     for window in windows:
         known = np.isfinite(window.u)  # what acted before the first command was never recorded
         unknown += (~known & np.maximum.accumulate(known, axis=0)).sum(axis=0)
-        window = rightly_begun(setup, window)
+        window = at_rest(setup, rightly_begun(setup, window))
         state, seen = track.step(state, window)
         early = window.mark[:, nu:] == Mark.ERROR
         bad = (seen.rows.mark == Mark.ERROR) | early | _far(window.y)

@@ -4,6 +4,8 @@ A state is a cause of its own (``[tuning.causes]``), and its few numbers alone a
 else is editable. It is looked for on rows of the machine as it is now: from the place on from which
 the state's numbers predict better than the version does. It is there if numbers learned on one half
 of these rows predict the other half, and leave much less there than any other cause so learned.
+A version that never held may be wrong from the first row on: beside it a state has to have
+come, and what no machine has less of than nothing is none.
 """
 
 from __future__ import annotations
@@ -19,9 +21,11 @@ from evertwin.anomaly.verdict import Rule
 from evertwin.fold import Mark, Windows
 from evertwin.gauges.change import split
 from evertwin.models.form import Version
+from evertwin.refit.physical import PASSIVE
 from evertwin.refit.while_there import while_there
 from evertwin.rows.ring import called
 from evertwin.setup.setup import Setup
+from evertwin.signals.units import compatible
 from evertwin.tuning import Fit, Problem, solve
 from evertwin.types import Float64, Outputs, PerOutput, Vector
 
@@ -68,6 +72,8 @@ class States:
     setup: Setup
     version: Version
     pose: Pose
+    held: bool = True
+    """Has any version held? What is there less is then what was there before."""
 
     def find(self, windows: Windows) -> Stated | None:
         """The state that came or went, by what the newest rows say; None: there is none."""
@@ -75,7 +81,8 @@ class States:
         for name in self.setup.spec.tuning.states:
             names = self.setup.causes[name]
             now = self._now(windows, names)
-            shares = self._shares(now, names) if now else None
+            may_be = now and (self.held or self._came(windows, now, names))
+            shares = self._shares(now, names) if may_be else None
             if shares is None:
                 continue
             there, others, gone = shares
@@ -99,7 +106,11 @@ class States:
         known, unit = problem.start[k], fit.units[k]
         if fit.verdict[k] != "identifiable" or low <= known <= high:
             return None
-        size = f"{fit[rule.number]:.3g} ± {high - fit[rule.number]:.1g} {unit}"
+        less = fit[rule.number] < 0.0 and any(compatible(unit, one) for one in PASSIVE)
+        if less and not self.held:
+            return None
+        size = f"{abs(fit[rule.number]) if less else fit[rule.number]:.3g}"
+        size += f" ± {high - fit[rule.number]:.1g} {unit}{' less than it did' if less else ''}"
         said = f"{rule.says} {size} since {called(row)}{_at(windows)}"
         if share < 1.0:
             said += f", on {100.0 * share:.0f} % of the rows: it comes and goes"
@@ -121,6 +132,17 @@ class States:
                     best, place = float(left.min()), int(np.argmin(left))
         now = split(windows, place)[1]
         return now if self._enough(now, names) else ()
+
+    def _came(self, windows: Windows, now: Windows, names: tuple[str, ...]) -> bool:
+        """Was the version much less off before?"""
+        count = sum(len(block.t) for block in windows) - sum(len(block.t) for block in now)
+        before = split(windows, count)[0]
+        if not self._enough(before, names):
+            return False
+        problems = self.pose(names, before), self.pose(names, now)
+        off = [float(self._off(one, one.start).sum()) / max(one.rows.used.any(axis=1).sum(), 1)
+               for one in problems]  # fmt: skip
+        return bool(off[0] <= LEFT * off[1])
 
     def _enough(self, windows: Windows, names: tuple[str, ...]) -> bool:
         """Do enough of the rows count?"""

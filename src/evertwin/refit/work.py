@@ -55,6 +55,7 @@ from evertwin.refit.states import States, amount
 from evertwin.refit.told import known
 from evertwin.refit.tuner import ENOUGH, Tuner
 from evertwin.refit.workers import setup_of
+from evertwin.setup.at_rest import at_rest
 from evertwin.setup.evaluation import left, scale_of, sizes
 from evertwin.setup.false_start import rightly_begun
 from evertwin.setup.friction_law import acting
@@ -98,7 +99,8 @@ class Work(Tuner):
         known, horizon = (*task.earlier, *task.windows), self.setup.horizon
         if self.known != known:
             return replace(self, known=known).content(task)
-        task = task._replace(windows=tuple(rightly_begun(self.setup, w) for w in task.windows))
+        begun = (at_rest(self.setup, rightly_begun(self.setup, w)) for w in task.windows)
+        task = task._replace(windows=tuple(begun))
         try:
             if task.windows and not own_starts(model, len(task.windows)):
                 rows = later(model, p, horizon, (known, task.windows))
@@ -176,7 +178,8 @@ class Work(Tuner):
         setup, version = self.setup, task.version
         if not setup.spec.tuning.states or not task.windows:
             return task, {}
-        states = States(setup, version, lambda names, rows: self.problem(version, rows, names))
+        states = States(setup, version, lambda names, rows: self.problem(version, rows, names),
+                        task.commissioned)  # fmt: skip
         live = [name for name in setup.spec.tuning.states if amount(setup, name, version)]
         if task.kind == "refine":
             found = states.known(live[0], task.windows) if live else None

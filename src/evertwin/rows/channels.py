@@ -137,23 +137,34 @@ def measured(spec: TwinSpec, layout: Layout) -> dict[str, tuple[list[int], str]]
     return found
 
 
-STEMS = (("q", "qd"), ("position", "speed"))
-"""How positions and their speeds are called; a number may follow."""
+STEMS = (("q", "qd", "qdd"), ("position", "speed", "acceleration"))
+"""How positions, their speeds and accelerations are called; a number may follow."""
+
+
+def courses(layout: Layout) -> Iterator[tuple[int, ...]]:
+    """Columns of a position, of its speed, and of its acceleration where there is one."""
+    for k, channel in enumerate(layout):
+        for stem, *rates in STEMS:
+            end, found = channel.name.removeprefix(stem), [k]
+            if end == channel.name or (end and not end.isdigit()):
+                continue
+            for rate in rates:
+                name, unit = rate + end, layout.units[found[-1]]
+                if name not in layout.names:
+                    break
+                if not compatible(f"({unit})/s", layout.units[layout.names.index(name)]):
+                    break
+                found.append(layout.names.index(name))
+            if len(found) > 1:
+                yield tuple(found)
 
 
 def motions(spec: TwinSpec, layout: Layout) -> Iterator[tuple[int, int]]:
     """Columns of a position and of its speed, both recorded, neither derived."""
     derived = {one.name for one in spec.derive}
-    for k, channel in enumerate(layout):
-        for stem, rate in STEMS:
-            end = channel.name.removeprefix(stem)
-            name = rate + end
-            if end == channel.name or (end and not end.isdigit()) or name not in layout.names:
-                continue
-            other = layout.channels[layout.names.index(name)]
-            recorded = not derived & {recorded_as(spec, one.name) for one in (channel, other)}
-            if recorded and compatible(f"({channel.unit})/s", other.unit):
-                yield k, layout.names.index(name)
+    for position, speed, *_ in courses(layout):
+        if not derived & {recorded_as(spec, layout.names[k]) for k in (position, speed)}:
+            yield position, speed
 
 
 def check_units(spec: TwinSpec, model: Model) -> None:

@@ -8,8 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from evertwin.gauges.sensor_change import unmeasured
+from evertwin.signals.at_rest import stands
 from evertwin.signals.units import conversion
-from evertwin.starter.proposal import ASK, Proposal
+from evertwin.starter.proposal import ASK, Match, Proposal
 from evertwin.starter.seen import Seen
 
 USUAL = 0.05
@@ -34,8 +35,19 @@ def fastest(proposal: Proposal, seen: Sequence[Seen], speed: str, position: str)
     values = conversion(match.unit)[0] * table.values(match.column)
     if match.channel == position and table.t is not None:
         values = np.diff(values) / np.diff(table.t)
+    elif position in found and position != speed and _stands(found[position], match, seen):
+        return 0.0
     values = np.abs(values[np.isfinite(values)])
     return float(np.quantile(values, 0.95)) if len(values) else math.nan
+
+
+def _stands(position: Match, speed: Match, seen: Sequence[Seen]) -> bool:
+    """Does the axis stand, whatever its speed says? Not told where they are of two tables."""
+    table = seen[speed.source]
+    if table.t is None or position.source != speed.source:
+        return False
+    q, v = (conversion(one.unit)[0] * table.values(one.column) for one in (position, speed))
+    return stands(q, v, float(np.median(np.diff(table.t))))
 
 
 def of_joints(speeds: Sequence[float]) -> float:

@@ -56,6 +56,8 @@ class Outcome(NamedTuple):
     """Why a parameter was held, per parameter; empty text where it was tuned."""
 
 
+ROUNDED = 1e6
+"""Times the least that one of a unit may be to explain its output, at most, that another is."""
 LEAST = 1e-150
 """Noise of what no row tells: its square still is a number."""
 ALIKE = 1.01
@@ -129,6 +131,11 @@ def sizes_of(problem: Problem, acting: Sensitivity, values: Vector) -> Vector:
         tenth = 0.1 * np.sqrt(square.min(axis=0))
         known = zero & np.isfinite(tenth)
         sizes[known] = np.maximum(sizes[known], tenth[known])
+        # what needs far more than others of its unit do is moved by rounding alone
+        unit = np.array([problem.parameters.items[place].unit for place in problem.places.tolist()])
+        for one in np.unique(unit[known]):
+            mine = known & (unit == one)
+            sizes[mine] = np.minimum(sizes[mine], ROUNDED * tenth[mine].min())
     # far outside of what is known of it a value tells no size: the rows lead it astray
     sizes = np.maximum(np.abs(problem.start), np.minimum(sizes, problem.sigma))
     sizes[sizes == 0] = 1.0

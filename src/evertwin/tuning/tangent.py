@@ -163,11 +163,13 @@ def searched(problem: Problem, inside: Inside) -> Problem:
     for _ in range(ROUNDS):
         near = leaning(here, here.full(values), inside)
         found = dict(zip(near.names, closed(near)[0].tolist(), strict=True))
-        now = np.array([here.parameters[name].value for name in names])
+        items = [here.parameters[name] for name in names]
+        now, low, high = np.array([(item.value, item.low, item.high) for item in items]).T
         step = np.array([found[name] for name in names]) / now - 1.0
         step = np.clip(step, -FURTHEST, FURTHEST)
         for _ in range(HALVED):
-            speeds = dict(zip(names, (now * np.exp(step)).tolist(), strict=True))
+            moved = np.clip(now * np.exp(step), low, high)
+            speeds = dict(zip(names, moved.tolist(), strict=True))
             there = replace(here, prior=here.parameters.with_values(speeds))
             new, less = _least(there)
             if less < cost:
