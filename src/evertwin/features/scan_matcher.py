@@ -43,7 +43,7 @@ from evertwin.features.fusion import Belief, Sighting, Step, measured, predicted
 from evertwin.features.habits import Habits
 from evertwin.features.local_map import Known, LocalMap, Surface, copied, empty, joined, known, seen
 from evertwin.features.poses import Fix, Row, table
-from evertwin.features.registration import UNSEEN
+from evertwin.features.registration import NARROW, UNSEEN
 from evertwin.features.scan_fit import (
     ALIKE,
     COMMON,
@@ -77,15 +77,16 @@ FEW = 12
 """Points below which a scan tells no pose."""
 AT_REST, SHARE = np.array([0.02, 0.02, 0.04]), np.array([0.05, 0.05, 0.2])
 """Error of odometry (m, m, rad): of any step, and as a share of its way and its turn."""
+FARTHEST = 4.0
+"""How far a robot may have gone in a hole of its scans: beyond, much is alike [m]."""
 FREE = 0.3
 """How far a turn may differ from the one before where there is no odometry [rad]."""
 FARTHER = 1.2
 """How much longer than the longest one of late a step may be."""
 ABOUT = 1.6
 """Half the window of its turn, at least: robots turn on the spot; beyond it is doubted [rad]."""
-SLOW = 1.0
-"""Time between scans from which on it may turn more in proportion [s], up to `LONG` times."""
-LONG = 5.0
+SLOW, LONG = 1.0, 5.0
+"""Time between scans from which on it may turn more in proportion [s], and up to how often."""
 PATIENCE = 5
 """Scans without a pose after which a new map is begun."""
 STANDING = 3
@@ -207,19 +208,19 @@ class ScanMatcher:
         before, state = state.moved, state._replace(moved=moved.copy())
         went = moved[:3] - before[:3]  # NaN without wheels: then nothing says that it moved
         frozen = state.repeated >= STANDING or (same and bool(np.abs(went).max() > MOVED))
-        near = float(np.mean(ranges[np.isfinite(ranges)] < BLOCKED)) if len(scan) else 1.0
-        telling = len(scan) >= FEW and not frozen and near < MOST_NEAR
+        shut = float(np.mean(ranges[np.isfinite(ranges)] < BLOCKED)) if len(scan) else 1.0
+        telling = len(scan) >= FEW and not frozen and shut < MOST_NEAR
         if view is None:
             yield *self._begun(state, scan, telling), 0.0
             return
         blind = _blind(moved) or _blind(before)
-        pace, missed = state.pace.after(dt)
-        state = state._replace(since=state.since + 1, pace=pace)
-        gone = state.lost + missed * blind
+        pace = state.pace.after(dt, steps=state.habits.reach[0] if blind else math.inf)
+        state, gone = state._replace(since=state.since + 1, pace=pace), state.lost + pace.missed
         ahead, expected = _expected(state, moved - before, blind, dt, gone)
         expected = expected._replace(shared=max(state.often, state.since) - 1)
         sure, least = (SURE, LEAST) if blind else (PLAUSIBLE, SEEN)
-        fits = fit(scan, view, expected, sure) if telling else []
+        near = not pace.missed or expected.window is None or expected.window[1] < FARTHEST
+        fits = fit(scan, view, expected, sure) if telling and near else []
         if fits and expected.window and fits[0].share < FAMILIAR:  # it may have turned far
             window = (*expected.window[:2], math.pi)
             fits = fit(scan, view, expected._replace(window=window), sure)
@@ -230,11 +231,12 @@ class ScanMatcher:
         here, good = [], []
         for one in fits:
             usual = blind and expected.square(one.pose) < UNUSUAL
-            way = float(np.hypot(*(one.pose - state.belief.pose)[:2]))
-            away = bool(state.lost) or (gone > 0 and way > FARTHER * state.habits.reach[0])
+            way = float(np.hypot(*(one.pose - state.belief.pose)[:2])) if gone else 0.0
+            away = bool(state.lost) or way > FARTHER * state.habits.reach[0]
             astray = away and not (gone <= BRIEFLY and usual)
             astray |= blind and bool(abs(one.pose[2] - state.belief.pose[2]) > ABOUT)
             untold = blind and away and _off(one.covariance, FIRM)  # not found again
+            untold |= pace.missed > 0 and one.scale > NARROW  # it is farther away than was looked
             if untold or self._elsewhere(one, ranges, view, astray):
                 continue
             here.append(one)
@@ -281,7 +283,7 @@ class ScanMatcher:
             d = between(state.map.newest, ahead.pose)
             new = math.hypot(d[0], d[1]) > 2 * APART or abs(d[2]) > 2 * TURNED
             ring = joined(state.map, scan, ahead.pose) if scan is not None and new else state.map
-            state = state._replace(map=ring, lost=0)
+            state = state._replace(map=ring, lost=0, pace=state.pace.found)
             return state, Row(ahead.pose, spread, Fix.PREDICTED, share, state.segment)
         state = state._replace(lost=state.lost + 1)
         if scan is not None and state.lost > PATIENCE:
@@ -305,7 +307,7 @@ class ScanMatcher:
             return state, Row(segment=state.segment)
         pose = state.belief.pose
         state = state._replace(
-            map=joined(state.map, scan, pose), lost=0, open=0, carried=False,
+            map=joined(state.map, scan, pose), lost=0, pace=state.pace.found, open=0, carried=False,
             belief=state.belief.moved(state.belief.t, pose, np.zeros((3, 3))),
         )  # fmt: skip
         row = Row(pose.copy(), COMMON.copy(), Fix.MATCHED, 1.0, state.segment)
@@ -330,7 +332,10 @@ class ScanMatcher:
         habits = state.habits
         if not (state.lost or _off(spread, FIRM)):  # else it is what was expected
             habits = habits.learnt(step)
-        state = state._replace(map=ring, belief=found.belief, habits=habits, lost=0, carried=False)
+        state = state._replace(
+            map=ring, belief=found.belief, habits=habits, lost=0, carried=False,
+            pace=state.pace.found,
+        )  # fmt: skip
         row = Row(
             pose.copy(), spread, Fix.MATCHED, fit.share, state.segment, fit.sighting,
             found.slip or state.denied, found.belief.scale,
@@ -382,8 +387,9 @@ def _expected(
         places = compose(np.broadcast_to(at.pose, steps.shape), steps)
         far, turn = state.habits.reach
         half = FARTHER * (1 + gone) * far + WINDOW * way
+        widest = WIDEST * (1 + far) if gone == state.lost else FARTHEST
         turn = max(FARTHER * (1 + gone) * turn, WINDOW * sigma[2], ABOUT)
-        window = at.pose, min(half, WIDEST * (1 + far)), min(turn, math.pi)
+        window = at.pose, min(half, widest), min(turn, math.pi)
         likely = Expected(at.pose, spread, window, places, weights)
         likely = likely._replace(pose=places[likely.densities(places).sum(axis=1).argmax()])
         return at.moved(at.t + lasts, likely.pose, spread), likely

@@ -53,7 +53,7 @@ FACTORS = (
     Factor(6.89476, ("Pa",), "kilopascals for psi"),
     Factor(14.5038, ("Pa",), "psi for bars"),
     Factor(7.50062, ("Pa",), "millimetres of mercury for kilopascals"),
-    Factor(3.6, ("m/s", "J"), "km/h for m/s"),
+    Factor(3.6, ("m/s",), "km/h for m/s"),
     Factor(2.23694, ("m/s",), "miles an hour for m/s"),
     Factor(2.20462, ("kg", "kg/s"), "pounds for kilograms"),
     Factor(16.6667, ("m^3/s",), "l/min for m^3/h"),
