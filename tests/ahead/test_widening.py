@@ -39,7 +39,7 @@ def test_what_is_not_known_is_covered_by_as_little_as_does() -> None:
 
 def test_another_form_is_said_to_be_none_of_numbers() -> None:
     found = of(3, dead=0.08)
-    assert not found.found and "no width holds the machine" in str(found)
+    assert not found.found and "No width holds the machine" in str(found)
 
 
 def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -98,23 +98,20 @@ class Widening:
         }  # fmt: skip
 
     def __str__(self) -> str:
-        names = list(dict.fromkeys(one.output for one in self.held))
-        lines = [f"{'width':>6}  " + "  ".join(f"{n:>32}" for n in names)]
-        for width in WIDTHS:
-            cells = [one for one in self.held if one.width == width]
-            told = (f"{100 * c.share:.1f} % held, {c.size:.3g} wide, cost {c.cost:.3g}"
-                    for c in cells)  # fmt: skip
-            mark = " *" if width == self.width else ""
-            lines.append(f"{width:6g}  " + "  ".join(f"{t:>32}" for t in told) + mark)
         if self.found:
             spread = ", ".join(f"{n} ± {self.width * s:.3g}" for n, s in self.spread)
-            said = f"width {self.width:g} holds the machine (1 σ: {spread})"
+            said = f"Width {self.width:g} holds the machine (1 σ: {spread})."
         else:
             short = [one for one in self.held if one.width == WIDTHS[-1] and not one.wide]
             worst = ", ".join(f"{o.output} {100 * o.share:.0f} %" for o in short)
-            said = f"no width holds the machine ({worst or 'not every output at once'}): its form"
-            said += " is another, or something acts that the model has not"
-        return "\n".join([*lines, said])
+            said = f"No width holds the machine ({worst or 'not every output at once'}): its form"
+            said += " is another, or something acts that the model has not."
+        name = max(len(one.output) for one in self.held)
+        lines = [said, "", f"  {'':{name}}  width    held  95 % set     cost"]
+        for c in sorted(self.held, key=lambda one: one.output):
+            held = f"{100 * c.share:4.1f} %"
+            lines.append(f"  {c.output:{name}}  {c.width:5g}  {held}  {c.size:8.3g}  {c.cost:7.3g}")
+        return "\n".join(lines)
 
 
 def widened(basis: Basis, data: Data = None, seed: int = 1) -> Widening:
