@@ -1,7 +1,8 @@
 """The filter that goes over measurement and prediction alike, as a twin file says it.
 
 >>> from evertwin.config.spec import ClockSpec, FilterSpec, ModelSpec
->>> spec = TwinSpec("a", ModelSpec("drive"), clock=ClockSpec(rate=100.0), filter=FilterSpec(5.0))
+>>> clock, rule = ClockSpec(rate=100.0), FilterSpec(cutoff=5.0)
+>>> spec = TwinSpec("a", ModelSpec("drive"), clock=clock, filter=rule)
 >>> low_pass(spec).delay > 0
 True
 """
