@@ -118,27 +118,6 @@ def test_a_push_on_a_standing_axis_is_known_while_it_lasts() -> None:
     assert told.contact is not None and not told.new and 300 <= told.contact.last < 340
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
-def test_what_is_measured_behind_the_model_is_no_contact(seed: int) -> None:
-    """A filter's lag of 30 ms: large where the expected leaps up or down within a quick motion."""
-    rng, rows = np.random.default_rng(seed), swings(seed=seed)
-    slow = np.sin(2 * np.pi * np.arange(4000) / 700)[:, None] * [10.0, 10.0]
-    for at in rng.integers(1500, 3800, 5):
-        slow[at : at + 40] += 15.0 * np.sin(2 * np.pi * np.arange(40) / 40)[:, None]
-    lagged, late = slow.copy(), np.exp(-0.01 / 0.03)
-    for i in range(1, len(lagged)):
-        lagged[i] = late * lagged[i - 1] + (1.0 - late) * slow[i]
-    behind = off(rows, lagged - slow)._replace(moving=np.ones_like(rows.moving), expected=slow)
-    contact, marked = found(behind)
-    assert contact is None
-    assert not len(marked)
-    pushed = behind.r.copy()
-    pushed[2400:2430, 0] += 8.0
-    contact, _ = found(behind._replace(r=pushed))
-    assert contact is not None
-    assert contact.outputs == ("a",)
-
-
 @pytest.mark.parametrize(("held", "tells"), [(3, True), (0, False)])
 def test_a_push_that_sets_a_standing_axis_in_motion_is_no_error_of_that_motion(
     held: int, tells: bool

@@ -25,15 +25,13 @@ into it, must it still be seen calm, on which side was it last, rows of it at re
 a motion but is there at rest, beyond friction, too is no part of that motion. A push begins one.
 Did it come into it with a motion of its own; motions since, off as they began."""
 (
-    SQUARE, BASE, NEAR, SLOW, NOISE, HOLD, USUAL, LEVEL, ROWS, EDGE, TOLD, ALIKE, EXPECTED, BEHIND,
-    ALONG, PACE, FIGURES,
-) = range(17)  # fmt: skip
+    SQUARE, BASE, NEAR, SLOW, NOISE, HOLD, USUAL, LEVEL, ROWS, EDGE, TOLD, ALIKE, EXPECTED, FIGURES,
+) = range(14)  # fmt: skip
 """Places of an output's figures, and how many. Moving: the residual's mean square and mean, its
 mean over a window and that one's mean square. Mean step from row to row; widest friction since it
 was slow; share of motions that began calm. Of the rows that are off in this excursion Σ residual
 and number, and how far the first are from those before; mean level of what was found. Moving: mean
-product of measured and expected, mean square of what was expected; what was expected a moment ago,
-the residual's mean product with the change since, and that one's mean square."""
+product of measured and expected, mean square of what was expected."""
 (
     NEXT, STATE, START, STAMP, OURS, LATE, FOUND, FIRST, LAST, SAID, BLIND, NEWS, SHARP, OWN,
     WHOSE, PLACES,
@@ -59,8 +57,6 @@ MOSTLY, SELDOM = 0.6, 0.45
 below which it is the machine: what holds it at rest before it breaks loose is no push either."""
 SEVERAL = 3
 """Motions that pass while an output is off as before: what belongs to one ends with it."""
-MOMENT = 8
-"""Part of a window that a filter of what is measured, or a clock, may lag by."""
 AT_ONCE = 0.5
 """Part of its level that an output reaches within half a window, where a motion goes on."""
 
@@ -86,25 +82,6 @@ def weigh(x: float, expected: float, number: Any, figure: Any, rule: Any) -> Non
         by = min(max(x * expected, -FARTHEST * square), FARTHEST * square)
         figure[ALIKE] += (square + by - figure[ALIKE]) / memory
         figure[EXPECTED] += (square - figure[EXPECTED]) / memory
-
-
-@njit(cache=True)
-def in_time(x: float, expected: float, learns: bool, n: int, figure: Any, rule: Any) -> float:
-    """The residual of a moving output without what measures behind, or ahead of, the model leave:
-    that goes with how fast the expected changes, as nothing from outside does."""
-    if not (x == x and expected == expected):
-        return x
-    if figure[PACE] == 0.0 and figure[BEHIND] == 0.0:
-        figure[BEHIND] = expected
-    figure[BEHIND] += (expected - figure[BEHIND]) / (1.0 + max(n / MOMENT, 1.0))
-    by = expected - figure[BEHIND]
-    left = x - figure[ALONG] / figure[PACE] * by if figure[PACE] > 0.0 else x
-    if learns:
-        most = np.sqrt(LARGE * figure[SQUARE])
-        weight = most / abs(left) if abs(left) > most else 1.0  # a push tells nothing of it
-        figure[ALONG] += weight * (x * by - figure[ALONG]) / rule[2]
-        figure[PACE] += weight * (by * by - figure[PACE]) / rule[2]
-    return left
 
 
 @njit(cache=True)
@@ -284,7 +261,6 @@ def watch(
                 learned(old, number, figure, rule)
             if moving[i, k]:
                 weigh(x, expected[i, k], number, figure, rule)
-                x = in_time(x, expected[i, k], number[OPEN] == 0, n, figure, rule)
             moved(row + i, moving[i, k], v[i, k], half[i, k], k, n, state)
             limit = limit_of(expected[i, k], number, figure, times, rule)
             if not moving[i, k] and machine[BLIND] >= 0:  # below: it was said
