@@ -1,7 +1,8 @@
 """From the command to the first result: `python -m benchmarks.start [--demo]`.
 
 Processor time of whole processes, start of the interpreter included: the least of five, after one
-that fills the caches. `fit` learns six friction parameters from 690 rows of a 6-axis arm. With
+that fills the caches. `fit` learns six friction parameters from 690 rows of a 6-axis arm, `doctor`
+looks at 145 such recordings. With
 ``--demo`` the demonstration runs as well, with an empty and with a full cache of machine code:
 wall-clock until each machine's result is on the screen, and the longest silence on both streams.
 Those hold on an idle machine alone. Needs MuJoCo.
@@ -44,8 +45,9 @@ def spent(command: list[str], environment: dict[str, str]) -> float:
 def processor(folder: Path, environment: dict[str, str]) -> bool:
     """Prints what commands cost; True where nothing takes longer than asked."""
     record_robot(folder / "robot.csv")
-    record_arm(folder / "arm")
-    arm = str(folder / "arm" / "cycle-0000.csv")
+    record_arm(folder / "arm", "--cycles", "145")
+    cycles = sorted(map(str, folder.glob("arm/*.csv")))
+    arm = cycles[0]
     commands = {
         "python -c 'from evertwin import Twin'": (
             [sys.executable, "-c", "from evertwin import Twin"], 0.0,
@@ -53,6 +55,9 @@ def processor(folder: Path, environment: dict[str, str]) -> bool:
         "evertwin --help": ([*EVERTWIN, "--help"], 0.0),
         "evertwin info, 504 rows": ([*EVERTWIN, "info", str(folder / "robot.csv")], 1.0),
         "evertwin fit, 690 rows": ([*EVERTWIN, "fit", "twins/arm.toml", "--train", arm], 1.5),
+        "evertwin doctor, 100,050 rows": (
+            [*EVERTWIN, "doctor", "twins/arm.toml", "--data", *cycles], 10.0,
+        ),
     }  # fmt: skip
     held = True
     for name, (command, asked) in commands.items():

@@ -118,6 +118,19 @@ def test_a_sound_joint_raises_nothing(spoil: Callable[..., Any]) -> None:
         assert told(*spoil(rng, *motion(rng))) == []
 
 
+@pytest.mark.parametrize("times", [3, 40])
+def test_a_motion_that_is_repeated_raises_nothing(times: int) -> None:
+    t = 0.1 * np.arange(690)
+    for seed in SEEDS[:5]:
+        share, rng = np.clip(t / 69.0, 0, 1), np.random.default_rng(seed)
+        bends = rng.normal(size=4)
+        q = sum(a * np.sin((k + 1) * np.pi * share) ** 2 for k, a in enumerate(bends))
+        piece = np.full(len(t), 0.1), np.asarray(q), np.gradient(np.asarray(q), 0.1)
+        found = same_motion([piece] * times)
+        assert found is not None and abs(found.factor - 1) < 0.01
+        assert list(contradiction("q1", "qd1", found, 0.1)) == []
+
+
 def test_the_measured_inputs_of_a_static_map_are_compared() -> None:
     q, speed = motion(np.random.default_rng(0))
     figures, found = moved(q, speed)

@@ -36,6 +36,9 @@ SHIFTS = np.array(
 """Lags that are tried [rows]."""
 FEWEST, MOST = 30, 4_000
 """Stretches that are compared at least and at most."""
+SHARE = 8
+"""A stretch is so small a part of the longest window at most: windows may repeat one motion, and one
+stretch of each would tell the same number again and again, which any line goes through."""
 CLEAR = 5.0
 """What moves, moves by so many times its noise over a stretch."""
 
@@ -125,16 +128,17 @@ def same_motion(pieces: list[Piece], angle: bool = False) -> Agreement | None:
     3.0
     """
     tracks = [_track(*piece, angle) for piece in pieces]
-    rows = sum(len(track.q) for track in tracks)
+    sizes = [len(track.q) for track in tracks]
+    longest = min(sum(sizes) // FEWEST, max(sizes, default=0) // SHARE)
     noise = _noise([t.q for t in tracks]), _noise([t.speed for t in tracks])
     best: tuple[_Match, _Match] | None = None
     for length in LENGTHS:
-        if rows < FEWEST * length:
+        if length > longest:
             break
         still = _match(tracks, length, 0)
-        sizes = [float(np.sqrt(np.mean(side**2))) if len(side) else 0.0 for side in still[:2]]
+        ways = [float(np.sqrt(np.mean(side**2))) if len(side) else 0.0 for side in still[:2]]
         floor = CLEAR * noise[0], CLEAR * noise[1] * math.sqrt(length)
-        if len(still.x) < FEWEST or not (sizes[0] > floor[0] and sizes[1] > floor[1]):
+        if len(still.x) < FEWEST or not (ways[0] > floor[0] and ways[1] > floor[1]):
             continue
         late = _shifted(tracks, length, still)
         if best is None or late.common > best[1].common:
