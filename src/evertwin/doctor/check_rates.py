@@ -37,8 +37,8 @@ SHIFTS = np.array(
 FEWEST, MOST = 30, 4_000
 """Stretches that are compared at least and at most."""
 SHARE = 8
-"""A stretch is so small a part of the longest window at most: windows may repeat one motion, and one
-stretch of each would tell the same number again and again, which any line goes through."""
+"""A stretch is so small a part of the longest window at most: windows may repeat one motion, and
+one stretch of each would tell the same number again and again, which any line goes through."""
 CLEAR = 5.0
 """What moves, moves by so many times its noise over a stretch."""
 
