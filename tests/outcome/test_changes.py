@@ -98,3 +98,13 @@ def test_a_form_that_came_with_its_threshold_is_told_as_one() -> None:
         moved = Version(2, form, names, values, 1, "tuned law.v.threshold")
         said = changes(twin.setup, (moved, twin.champion))
         assert said == "v: start threshold 0.1 m/s (dead zone)"
+
+
+def test_a_term_that_came_on_the_way_is_told_beside_what_came_last() -> None:
+    with Twin(TwinSpec("cart", ModelSpec("robot1d"))) as twin:
+        form = Form((Term("law", "v", variant="dead zone"),))
+        names = twin._versions.model_of(form).parameters.names
+        came = Version(1, form, names, (1.0, 0.1, 1.0, 0.0, 1e9), 0, "v: start threshold 0.1 m/s")
+        moved = Version(2, form, names, (1.2, 0.1, 1.0, 0.0, 1e9), 1, "tuned gain")
+        said = changes(twin.setup, (moved, came, twin.champion))
+        assert said == "gain 1 → 1.2; v: start threshold 0.1 m/s (dead zone)"

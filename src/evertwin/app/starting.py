@@ -168,8 +168,7 @@ def _write(draft: Draft, force: bool) -> dict[str, Any]:
         write_whole(own, own_model(draft.seen, draft.proposal.matches, draft.period))
     if not draft.questions:  # else the file holds a question, which no reader takes
         spec = read(out)
-        model_of(spec, compiled=False)
-        if draft.model is not None and not draft.static:
+        if len(model_of(spec, compiled=False).states):
             write_whole(out, replace(draft, reach=unforeseen(spec)).text())
     return {
         "schema": "evertwin.init/1", "file": str(out),

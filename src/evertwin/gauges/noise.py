@@ -35,6 +35,8 @@ ROWS = 30
 """Steps below which a scatter cannot be told."""
 NEW = 4
 """So many times that of rows since a measurement scatters more."""
+COARSE = 0.9
+"""Share of a sensor's rows up to which it changes if it is coarse."""
 LITTLE = 0.1
 """Share of a residual that may be foretold for it to be called noise."""
 GROWS = 1.5
@@ -54,11 +56,24 @@ def noise(setup: Setup, model: Model, p: ParameterVector, windows: Iterable[Bloc
         off = [(change.measured - change.predicted)[:, k] for change in found]
         steps = [np.diff(r[np.isfinite(r)]) for r in off]
         level = scatter(steps, static=not setup.adopts[k])
+        y = [np.diff(change.measured[np.isfinite(change.measured[:, k]), k]) for change in found]
         if setup.static:
-            y = [change.measured[:, k] for change in found]
-            level = min(level, scatter([np.diff(one[np.isfinite(one)]) for one in y], static=True))
-        out.append(level)
+            level = min(level, scatter(y, static=True))
+        out.append(max(level, rounding(y)))
     return np.array(out)
+
+
+def rounding(steps: Sequence[np.ndarray]) -> float:
+    """What a coarse sensor's rounding scatters by, from the differences of neighbouring rows: most
+    are nothing, and the smallest of the others is its step.
+
+    >>> round(rounding([np.array([0.0, 0.0, 0.1, 0.0, -0.1])]), 3)
+    0.029
+    """
+    whole = np.abs(np.concatenate([np.zeros(1), *steps]))
+    moved = whole[whole > 1e-9 * whole.max()]
+    coarse = len(moved) and len(moved) < COARSE * len(whole)
+    return float(moved.min() / math.sqrt(12.0)) if coarse else 0.0
 
 
 def scatter(steps: Sequence[np.ndarray], *, static: bool) -> float:

@@ -33,7 +33,7 @@ def changes(setup: Setup, versions: Sequence[Version], events: Sequence[Event] =
     tuned, *terms = champion.reason.split("; ")
     names = [name.removesuffix(" (weak)") for name in tuned.removeprefix("tuned ").split(", ")]
     found = _found(setup, champion, versions[-1])
-    if found.keys() & set(names):
+    if found.keys() & set(names) or not terms:  # of a term that came on the way it says nothing
         names = [name for name in names if name not in found]
         terms = [*dict.fromkeys(found.values()), *terms]
     old = {item.name: item.value for item in setup.model.parameters}

@@ -14,20 +14,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from evertwin.models import Model
 from evertwin.models.contract import is_adopted
 from evertwin.settings.writing import inline, template
 from evertwin.signals import conversion
+from evertwin.starter.foretold import Answer, answer_of, buried, moved
 from evertwin.starter.named import short
 from evertwin.starter.options import stands_in
 from evertwin.starter.payload import acting
 from evertwin.starter.proposal import ASK, Match, Proposal, position, together
 from evertwin.starter.seen import Seen
 from evertwin.starter.speeds import fastest, of_joints
+from evertwin.starter.starts import box_of
 from evertwin.starter.wear import at_usual_speed
-from evertwin.starter.words import quantity, same_kind, words
+from evertwin.starter.words import quantity, words
 
 NAMED = 3
 """Recordings that are named in the first line."""
@@ -37,8 +37,6 @@ POSED = ("bicycle", "differential", "omni")
 TRIED = 100
 """Predictions that a recording has room for: those that tell of a deviation, and those of a
 trial."""
-ROOM = 1.25
-"""So many times what cannot be foretold is asked at least."""
 FASTEST = 500.0
 """Rows per second that a static map is resampled to at most: motion is slower."""
 EXACT = 1e-6
@@ -171,15 +169,19 @@ class Draft:
 
     @property
     def horizon(self) -> float:
-        """Of predictions [s]: a power of ten; ten rows or more where nothing is driven. A recording
-        with no room for a trial of such ones has shorter ones, but of what goes as far as it
-        likes: so little of its way is noise."""
+        """Of predictions [s]: a power of ten; ten rows or more where nothing is driven, and as many
+        as what answers needs to move by far more than its noise. A recording with no room for a
+        trial of such ones has shorter ones, but of what goes as far as it likes: so little of its
+        way is noise."""
         rows = 10.0 * (self.period or 0.01) * (0.1 if self._base else 1.0)
         usual = max(1.0, float(f"{10 ** math.ceil(math.log10(rows)):g}"))
-        if self.static or self._goes or self.duration >= TRIED * usual:
+        if self.static or self._goes:
             return usual
-        room = _digit(max(self.duration / TRIED, 0.1 * rows), math.floor)
-        return max(room, _digit(rows, math.ceil))
+        room = max(_digit(self.duration / TRIED, math.floor), _digit(rows, math.ceil))
+        values = self.answer.values
+        while usual < room and buried(values, usual / (self.period or usual)):
+            usual *= 10.0
+        return min(usual, room)
 
     @property
     def duration(self) -> float:
@@ -225,38 +227,33 @@ class Draft:
 
     @property
     def spread(self) -> tuple[float, str]:
-        """How far the first output that is judged moves, without its rarest twentieths, and the
-        unit; 0 where no column says it. What is driven goes as far as it likes: what it moves in
-        a prediction."""
+        """How far the first output that is judged moves in a prediction (of a static map: over all
+        rows), without its rarest twentieths, and the unit; 0 where no column says it. A range tells
+        little of a store that is slow, and nothing of what goes as far as it likes."""
+        rows = 0 if self.static else round(self.horizon / (self.period or self.horizon))
+        return moved(self.answer.values, rows), self.answer.unit
+
+    @property
+    def answer(self) -> Answer:
+        """The first output that is judged."""
         names = self.judged if self.model is not None else ("y",)
-        match = next((m for m in self.proposal.matches if m.channel in names), None)
-        if match is None or match.column == ASK:
-            return 0.0, ""
-        seen = self.seen[match.source]
-        values = seen.values(match.column)
-        rows = round(self.horizon / (self.period or self.horizon))
-        if self._goes and len(values) > rows:
-            values = values[rows:] - values[:-rows]
-        values = values[np.isfinite(values)]
-        size = float(np.ptp(np.quantile(values, (0.05, 0.95)))) if len(values) else 0.0
-        factor = match.scale if isinstance(match.scale, float) else 1.0
-        unit = "K" if same_kind(match.unit, "K") else match.unit
-        return size * abs(factor), unit
+        return answer_of(names, self.proposal.matches, self.seen)
 
     def share(self, part: float) -> str:
-        """A round ``part`` of the spread as a twin file writes it; empty where it is not known. A
-        model of one's own may count in other units: there is no more to say than a share."""
+        """A round ``part`` of the spread as a twin file writes it; empty where it is not known."""
         size, unit = self.spread
-        if self.model is None or not size > 0.0 or unit == "1":
+        if not size > 0.0 or unit == "1":
             return ""
         return f"{float(f'{part * size:.1g}'):g} {unit}"
 
     @property
     def asked(self) -> float:
-        """A round fiftieth of the spread in SI, or what can be reached; 0: neither is known."""
+        """A round fiftieth of the spread in SI, or what can be reached (with more room where nobody
+        has said what the machine is); 0: neither is known."""
+        room = 1.25 if self.static or self._goes else 2.0
         size, unit = self.spread
         usual = float(f"{0.02 * size * conversion(unit)[0]:.1g}") if size > 0.0 else 0.0
-        return max(usual, _digit(ROOM * self.reach, math.ceil)) if self.reach > 0.0 else usual
+        return max(usual, _digit(room * self.reach, math.ceil)) if self.reach > 0.0 else usual
 
     @property
     def required(self) -> str:
@@ -311,8 +308,8 @@ class Draft:
         coupled = ("coupling",) if len(self.corrected) > 1 else ()
         posed = ("lever", "current") if self.kind in POSED else ()
         wheeled = ("wheels",) if self.kind in ("differential", "odometer") else ()
-        base = ("slew", "direction", "hysteresis") if self._base else ()
-        return ("lag", *coupled, *posed, *wheeled, *base, "table", "law")
+        base = ("direction", "hysteresis") if self._base else ()
+        return ("lag", *coupled, *posed, *wheeled, "slew", *base, "table", "law")
 
     @property
     def _goes(self) -> bool:
@@ -341,6 +338,7 @@ class Draft:
         return template("starter", "starter.toml.txt", column=_column).render(
             draft=self, model=model, ask=ASK, units=units, stands_in=stands_in(self.options),
             payload=", ".join(acting(model)) if self.once and model is not None else "",
+            starts=box_of(model, self.proposal.matches, self.seen, self.period),
             options=", ".join(f"{k} = {inline(v)}" for k, v in options.items()),
             wears=at_usual_speed(model, self.proposal, self.seen) if self.once and model else (),
             recordings=self._origin,

@@ -44,6 +44,9 @@ from evertwin.starter.words import (
     words,
 )
 
+FAR = 3.0
+"""So many times as far as the air around it what is heated moves at least."""
+
 
 def mapped(model: Model | None, seen: Sequence[Seen]) -> Proposal:
     """Columns for the channels of ``model``; None: a model of one's own, by what varies first.
@@ -82,6 +85,7 @@ def _other(
     matches, derived = [*matches, *feeds], [*derived, *computed]
     matches += of_odometry(matches, _lacking(channels, matches, derived), seen)
     matches = _one_box(matches, seen)
+    matches += _heated(_lacking(channels, matches, derived), seen)
     matches += _heater(_lacking(channels, matches, derived), seen)
     matches += _room(matches, _lacking(channels, matches, derived), seen)
     lacking = _lacking(channels, matches, derived)
@@ -186,6 +190,25 @@ def _room(
     unit, scale, why = unit_of("K", column)
     why = "the steadiest temperature: please check" if unnamed else why
     return (Match("room", s, column.name, column.unit or unit, why, scale),)
+
+
+def _heated(missing: Sequence[str], seen: Sequence[Seen]) -> tuple[Match, ...]:
+    """What is heated: of two temperatures whose words say nothing the one that moves far more."""
+    could = [
+        (float(np.nanstd(one.rows[:, i])), s, column)
+        for s, one in enumerate(seen)
+        for i, column in enumerate(one.columns)
+        if is_temperature(column) and HEATER.isdisjoint(words(column.name))
+    ]
+    told = not AMBIENT.isdisjoint(w for *_, column in could for w in words(column.name))
+    if "box" not in missing or told or len(could) != 2:
+        return ()
+    (little, *_), (much, s, column) = sorted(could, key=lambda one: one[0])
+    if not much > FAR * little:
+        return ()
+    unit, scale, _ = unit_of("K", column)
+    why = "the temperature that moves most: please check"
+    return (Match("box", s, column.name, column.unit or unit, why, scale),)
 
 
 def _one_box(matches: Sequence[Match], seen: Sequence[Seen]) -> list[Match]:

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from importlib.resources import files as resources
 
 import numpy as np
 
-from evertwin.signals import conversion, si_unit, to_si
-from evertwin.starter.proposal import ASK, Match
+from evertwin.signals import conversion, si_unit
+from evertwin.starter.proposal import Match
 from evertwin.starter.seen import Seen
-from evertwin.starter.store_guess import UNKNOWN, Store, guess_store
-from evertwin.types import Vector
+from evertwin.starter.starts import store_of
 
 
 def pump_model(seen: Sequence[Seen], found: Sequence[Match]) -> str:
@@ -35,30 +34,12 @@ def own_model(seen: Sequence[Seen], found: Sequence[Match], period: float | None
     per = f"({u})" if set(u) & set("/* ") else u
     for name, unit in (("gain", y if u == "1" else f"{y}/{per}"), ("constant", y)):
         text = text.replace(f"<{name}>", f"{unit}/s")
-    start = _start({match.channel: match for match in found}, seen, period)
+    start = store_of(found, seen, period)
     for name, value in zip(start._fields, start, strict=True):
         most = 10.0 ** math.ceil(math.log10(max(abs(value), 1.0)) + 3)
         text = text.replace(f"<{name} start>", f"{value:.3g}")
         text = text.replace(f"<{name} most>", f"{most:.0e}")
     return text
-
-
-def _start(found: Mapping[str, Match], seen: Sequence[Seen], period: float | None) -> Store:
-    """Where the numbers of the store start from."""
-    told = [found[name] for name in ("u", "y") if name in found and found[name].column != ASK]
-    if len(told) < 2 or told[0].source != told[1].source:
-        return UNKNOWN
-    u, y = (_in_si(seen[one.source], one) for one in told)
-    t = seen[told[0].source].t
-    if t is None and period is not None:
-        t = period * np.arange(len(y))
-    return UNKNOWN if t is None else guess_store(t, u, y)
-
-
-def _in_si(seen: Seen, match: Match) -> Vector:
-    scale = match.scale if isinstance(match.scale, float) else 1.0  # an open question
-    values: Vector = to_si(seen.values(match.column) * scale + match.offset, match.unit)
-    return values
 
 
 def _template(name: str) -> str:

@@ -1,0 +1,71 @@
+"""A first twin file of a slow store, or of what goes as far as it likes, hides no change of it."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from evertwin.app.starting import write_starter
+from evertwin.config import read
+from evertwin.config.spec import TwinSpec
+from planted.draws import first_of
+from planted.stores import Machine, oven, record, winch
+from proofs.first_file import looked
+
+
+def proposed(machine: Machine, folder: Path) -> TwinSpec:
+    record(machine, folder / "run.csv")
+    write_starter([folder / "run.csv"], folder / "new.toml", ("", None), force=True, as_json=False)
+    return read(folder / "new.toml")
+
+
+@first_of("seed", range(8))
+@pytest.mark.parametrize("drawn", [oven, winch])
+def test_what_a_prediction_moves_by_says_what_is_asked(
+    drawn: type[Machine], seed: int, tmp_path: Path
+) -> None:
+    machine = drawn(seed, healthy=True)
+    spec = proposed(machine, tmp_path)
+    asked, horizon = spec.anomaly.requirement, spec.prediction.horizon
+    rows = round(horizon / machine.step)
+    ahead = machine.columns[rows:, -1] - machine.columns[:-rows, -1]
+    spread = float(np.ptp(np.quantile(ahead, (0.05, 0.95)))) * (1e-3 if drawn is winch else 1.0)
+    assert rows >= 10 and 0.01 * spread < asked < 0.1 * spread
+
+
+@first_of("seed", range(8))
+def test_an_oven_starts_from_what_the_recording_says(seed: int, tmp_path: Path) -> None:
+    machine = oven(seed, healthy=True)
+    numbers = proposed(machine, tmp_path).model.parameters
+    capacity, loss = (numbers[name].value for name in ("box_capacity", "box_conductance"))
+    _, duty, room, warm = machine.columns.T
+    level = 120.0 * 0.01 * np.mean(duty[1000:]) / np.mean((warm - room)[1000:])
+    assert capacity is not None and loss is not None
+    assert loss == pytest.approx(level, rel=0.3)
+    heater = numbers["heater_capacity"].value, numbers["heater_conductance"].value
+    assert heater[0] is not None and heater[1] is not None
+    assert heater[0] / heater[1] < 0.1 * capacity / loss  # not the other way round
+
+
+def test_of_two_temperatures_that_nobody_names_the_livelier_is_heated(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    machine = oven(0, healthy=True)
+    names = "time [s],Heizung [%],Raumtemp [°C],Ofentemp [°C]"
+    proposed(machine._replace(heading=names), tmp_path)
+    text = (tmp_path / "new.toml").read_text()
+    assert re.search(r"box = .*Ofentemp.*please check", text)
+    assert re.search(r"room = .*Raumtemp.*please check", text)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("drawn", [oven, winch])
+def test_a_change_is_told_named_and_learned(
+    drawn: type[Machine], seed: int, tmp_path: Path
+) -> None:
+    found = looked(drawn(seed), tmp_path)
+    assert found.told < 0.05 and found.named and found.learned
