@@ -18,6 +18,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from evertwin.config import TwinSpec, place
 from evertwin.config.spec import PerceptionSpec
 from evertwin.errors import ConfigError, DataError
@@ -38,7 +40,7 @@ def with_pose(spec: TwinSpec, needed: Sequence[str], feeds: Sequence[Feed]) -> t
         return tuple(feeds)  # where the pose is recorded it is no longer made
     priors = {*rule.wheels, rule.gyro}
     kept = [one for one in feeds if not priors & {*one.channels} or {*needed} & {*one.channels}]
-    return (*kept, Feed(rule.scan, rule.pose, rule.slack, rule.timeout))
+    return (*kept, Feed(rule.scan, rule.pose, rule.slack, rule.timeout, framed=True))
 
 
 @dataclass(frozen=True)
@@ -167,8 +169,10 @@ class Perceiving:
         placed: Placed | None = out.rows
         for k in range(0 if placed is None else len(placed.t)):
             assert placed is not None
-            t, pose = placed.t[k : k + 1], placed.pose[k : k + 1]
-            yield Chunk(self.rule.scan, t, pose, int(placed.task[k]))
+            pose = placed.pose[k : k + 1]
+            frame = np.where(np.isfinite(pose[:, :1]), placed.segment[k], np.nan)
+            v = np.concatenate([pose, frame], axis=1)
+            yield Chunk(self.rule.scan, placed.t[k : k + 1], v, int(placed.task[k]))
 
 
 def _slice(chunk: Chunk, first: int, stop: int) -> Chunk:
