@@ -29,6 +29,9 @@ from evertwin.signals.units import conversion_of
 from evertwin.sources.scans import Lidar
 from evertwin.sync import Feed
 
+DRIVES = "drives "
+"""Before the name of a source whose inputs drive the machine."""
+
 
 def with_pose(spec: TwinSpec, needed: Sequence[str], feeds: Sequence[Feed]) -> tuple[Feed, ...]:
     """``feeds`` as the alignment takes them: with the pose, without what it alone is made of.
@@ -64,8 +67,9 @@ class Perceiving:
 
     @classmethod
     def of(
-        cls, spec: TwinSpec, feeds: Sequence[Feed], brought: Sequence[Feed], lidar: Lidar | None
-    ) -> Perceiving | None:
+        cls, spec: TwinSpec, feeds: Sequence[Feed], brought: Sequence[Feed], lidar: Lidar | None,
+        speeds: Sequence[str] = (),
+    ) -> Perceiving | None:  # fmt: skip
         """For sources that bring ``feeds``, of which the alignment takes ``brought``; None: the
         pose is recorded.
 
@@ -74,6 +78,7 @@ class Perceiving:
             feeds: all of them.
             brought: by `with_pose`.
             lidar: as the recording says; None: it does not.
+            speeds: channels that drive the machine.
 
         Raises:
             ConfigError: nobody says where the beams look.
@@ -94,7 +99,9 @@ class Perceiving:
         assert stated is not None
         columns: dict[str, tuple[tuple[str, list[int]], ...]] = {}
         for one in feeds:
-            parts = (("wheels", rule.wheels), ("gyro", (rule.gyro,) * bool(rule.gyro)))
+            driven = tuple(name for name in speeds if name in one.channels)
+            parts = (("wheels", rule.wheels), ("gyro", (rule.gyro,) * bool(rule.gyro)),
+                     (f"{DRIVES}{one.name}", driven))  # fmt: skip
             columns[one.name] = tuple(
                 (what, [one.channels.index(name) for name in names])
                 for what, names in parts if names and {*names} <= {*one.channels}
@@ -103,6 +110,7 @@ class Perceiving:
         stage = Perception(
             rule.scan, stated, beams, "wheels" if "wheels" in heard else "",
             "gyro" if "gyro" in heard else "", rule.silent, rule.within, rule.every or 0.0,
+            tuple(sorted(what for what in heard if what.startswith(DRIVES))), rule.unit,
         )  # fmt: skip
         aligned = frozenset(one.name for one in brought) - {rule.scan}
         names = {one.name: one.channels for one in feeds}
