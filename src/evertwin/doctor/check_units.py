@@ -28,6 +28,7 @@ from evertwin.doctor.finding import Finding
 from evertwin.fold import Block, take
 from evertwin.gauges.clock_unit import stamped_in
 from evertwin.gauges.misread import ANSWERED, likeliest
+from evertwin.gauges.scanned import pose_of, rule_of
 from evertwin.gauges.turned import WRONG as ASKEW
 from evertwin.gauges.turned import Numbered, angles_of, turned
 from evertwin.gauges.unlike import Changes
@@ -81,10 +82,18 @@ def look_units(view: View, figures: dict[str, Any]) -> list[Finding]:
 
 
 def _exchanged(view: View, window: Block) -> Iterator[Finding]:
-    """Columns that have changed places, of a model with states: they explain all that is off."""
+    """Columns that have changed places, of a model with states: they explain all that is off; or
+    beams that run the other way round."""
     if view.setup.static:
         return
     best = likeliest(view.setup, view.model, view.version.p, [window])
+    pose = pose_of(view.setup.spec, view.model)
+    if best and pose and best[0].channels == (pose[2], pose[1]):
+        yield Finding(
+            "turned", pose[2], f"{', or '.join(one.said for one in best)}: so it fits the model",
+            "[perception]", "turn the sign of start and step, if that is confirmed",
+            {"hypotheses": [one.channels for one in best]},
+        )  # fmt: skip
     if best and best[0].exchanged:
         yield Finding(
             "exchanged", best[0].channels[0],
@@ -103,10 +112,12 @@ def _turned(view: View, missed: Vector) -> Iterator[Finding]:
     numbers = view.version.p, tuned(view, lambda window: window, view.windows)
     best = turned(view.setup, [Numbered(view.model, p) for p in numbers], view.windows)
     if best:
+        scanned = rule_of(view.setup.spec, (best.channel,))
         yield Finding(
             "turned", best.channel,
             f"{best.said}: so {100 * best.share:.1f} % of the squared deviation is gone",
-            "[source.channels]", best.step(view.setup), best._asdict(),
+            "[perception]" if scanned else "[source.channels]", best.step(view.setup),
+            best._asdict(),
         )  # fmt: skip
 
 
