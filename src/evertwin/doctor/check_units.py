@@ -27,6 +27,7 @@ from evertwin.doctor.factors import Factor, Hypothesis, scaled, suspects
 from evertwin.doctor.finding import Finding
 from evertwin.fold import Block, take
 from evertwin.gauges.clock_unit import stamped_in
+from evertwin.gauges.late_scans import late_scans, said_late
 from evertwin.gauges.misread import ANSWERED, likeliest
 from evertwin.gauges.scanned import pose_of, rule_of
 from evertwin.gauges.turned import WRONG as ASKEW
@@ -241,7 +242,16 @@ def _least(found: list[Hypothesis]) -> list[Hypothesis]:
 
 
 def look_lags(view: View, figures: dict[str, Any]) -> Iterator[Finding]:
-    """How late each output is after its prediction by a free run."""
+    """How late each output is after its prediction by a free run; or all of a pose by scans."""
+    if both := late_scans(view.setup, view.model, view.version.p, view.windows):
+        figures["late_scans"] = {"heading": both[0]._asdict(), "way": both[1]._asdict()}
+        yield Finding(
+            "lag", view.setup.spec.perception.pose[2] if view.setup.spec.perception else "",
+            said_late(view.setup, both), "[[source]] offset",
+            "measure which of the two it is, with one clock for all; a lag that is left in is "
+            "learned as one of the drive", figures["late_scans"],
+        )  # fmt: skip
+        return
     window = max(view.judged, key=lambda one: len(one.t))
     window = take(window, 0, min(len(window.t), view.most))
     shared = _lag(view, window)

@@ -45,7 +45,7 @@ NEWEST = 2
 """Windows of a deviation before the end in which one that is told goes on."""
 ROUGH = 3.0
 """A jump of fewer times what the model is off by is no news of its sensor."""
-LATEST = ("state", "followed", "alternates")
+LATEST = ("state", "followed", "alternates", "pose_late")
 """Kinds of event of which the newest is told."""
 FITS = re.compile("The twin fits its machine(?: now)?")
 """What is said of a twin, unless rows of an output are refused to the end."""
