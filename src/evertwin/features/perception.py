@@ -42,10 +42,9 @@ LOST = 3
 """Scans in a row without a pose that are told of."""
 MISSING, LEARNS = 5.0, 0.1
 """Usual steps from scan to scan that are a hole, and how much one tells of what is usual."""
-PERCEIVED = (
-    "pose_lost", "pose_found", "scans_missing", "scans_frozen", "unit_doubted", "unheard", "heard",
-)  # fmt: skip
-"""Kinds of its events."""
+CAUSES = FROZEN, UNIT = "scans_frozen", "unit_doubted"
+PERCEIVED = ("pose_lost", "pose_found", "scans_missing", *CAUSES, "unheard", "heard")
+"""Kinds of its events; those that say why there is no pose, each once."""
 WHEELS, GYRO = 0, 1
 NOT_YET, HEARD, UNHEARD = 0, 1, 2
 
@@ -307,7 +306,7 @@ class Perception:
         repeats = state.repeats.after(bool(same), state.before, t)
         if repeats.again == STANDING:
             what = f"{self.scan}: {repeats.said}"
-            out.tell(t, "scans_frozen", self.scan, what, first=repeats.since, last=t)
+            out.tell(t, FROZEN, self.scan, what, first=repeats.since, last=t)
         following = state.following._replace(repeated=STANDING * repeats.frozen)
         return state._replace(repeats=repeats, following=following)
 
@@ -332,7 +331,7 @@ class Perception:
             ranges = state.ranges[state.read % WAITING]
             if why := doubted(ranges, self.unit):
                 what = f"{self.scan}: {why}: in [perception] it is '{self.unit}' now"
-                out.tell(t, "unit_doubted", self.scan, what, first=state.since, last=t)
+                out.tell(t, UNIT, self.scan, what, first=state.since, last=t)
                 state = state._replace(doubted=True)
         return state
 

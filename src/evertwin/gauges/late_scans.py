@@ -22,6 +22,7 @@ from evertwin.fold import Block, Windows
 from evertwin.gauges.misread import ROWS, newest_rows, seen
 from evertwin.gauges.scanned import pose_of
 from evertwin.gauges.sensor_change import unmeasured
+from evertwin.gauges.unlike import Changes
 from evertwin.models import Model
 from evertwin.rows.channels import recorded_as
 from evertwin.setup.setup import Setup
@@ -85,9 +86,9 @@ def late_scans(
     if pose is None or not windows:
         return None
     rows = newest_rows(windows, ROWS)
-    found = [_off(setup, model, p, [put_later(one, by) for one in rows]) for by in TRIED]
+    found = [seen(setup, model, p, [put_later(one, by) for one in rows]) for by in TRIED]
     columns = [model.outputs.names.index(name) for name in pose]
-    turn, way = (_delay([off[:, some] for off in found]) for some in (columns[2:], columns[:2]))
+    turn, way = (_delay(found, some) for some in (columns[2:], columns[:2]))
     if turn is None or way is None:
         return None
     apart, most = abs(turn.seconds - way.seconds), ALIKE * np.hypot(turn.sigma, way.sigma)
@@ -97,25 +98,22 @@ def late_scans(
     return (turn, way) if same and sure and turn.left < LEFT else None
 
 
-def _off(setup: Setup, model: Model, p: ParameterVector, rows: Sequence[Block]) -> np.ndarray:
-    """Squares of what is measured less what is predicted, (n, ny)."""
-    found = seen(setup, model, p, rows)
-    return np.asarray(np.square(found.measured - found.predicted))
-
-
-def _delay(found: Sequence[np.ndarray]) -> Delay | None:
-    """Where the squares of some outputs, at each of `TRIED`, are least; None: at neither."""
-    squares = np.array([one.sum(axis=1) for one in found])
-    squares = squares[:, np.isfinite(squares).all(axis=0)]
-    sums: Vector = squares.sum(axis=1)
+def _delay(found: Sequence[Changes], columns: Sequence[int]) -> Delay | None:
+    """Where least is left of some outputs, of what is found at each of `TRIED`, whatever their
+    gain; None: at neither."""
+    sides = [np.stack([one.measured, one.predicted])[:, :, columns] for one in found]
+    known = np.isfinite(sides).all(axis=(0, 1, 3))
+    measured, predicted = np.moveaxis(np.array(sides)[:, :, known], 1, 0)
+    like = np.sum(measured * predicted, axis=(1, 2)) / np.sum(predicted**2, axis=(1, 2))
+    sums: Vector = np.sum((measured - like[:, None, None] * predicted) ** 2, axis=(1, 2))
     k, step = int(np.argmin(sums)), float(TRIED[1] - TRIED[0])
-    if squares.shape[1] < FEW or k in (0, len(sums) - 1):
+    if np.count_nonzero(known) < FEW or k in (0, len(sums) - 1):
         return None
     low, here, high = sums[k - 1 : k + 2]
     bend = (low + high - 2.0 * here) / step**2
     if not bend > 0.0:
         return None
-    sigma = float(np.sqrt(2.0 * here / squares.shape[1] / bend))
+    sigma = float(np.sqrt(2.0 * here / np.count_nonzero(known) / bend))
     none = sums[len(sums) // 2]
     return Delay(float(TRIED[k] + 0.5 * (low - high) / step / bend), sigma, float(here / none))
 

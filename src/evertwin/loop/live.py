@@ -29,7 +29,7 @@ import numpy as np
 from evertwin.engine import Engine, InProcess
 from evertwin.errors import DataError
 from evertwin.features.confusion_drift import DRIFTED
-from evertwin.features.perception import PERCEIVED
+from evertwin.features.perception import CAUSES
 from evertwin.fold import Block, Chunk, Event
 from evertwin.ledger.begun import Begun
 from evertwin.ledger.ledger import Ledger
@@ -107,7 +107,7 @@ class Live:
     _waiting: list[Block] = field(default_factory=list, init=False)
     """Rows until the rate of the data is known."""
     _untold: list[Event] = field(default_factory=list, init=False)
-    """What was said until then, and may be said once."""
+    """What is said once was said until then."""
     _task: int | None = field(default=None, init=False)
     """Number of the first task; a run counts its own from zero."""
     _rate: float = field(default=np.nan, init=False)
@@ -252,7 +252,7 @@ class Live:
         if self._run is None and self._may_begin():
             self._begin(rate_of(self._waiting))
         if self._run is None:
-            self._untold += [event for event in events if event.kind in (*DRIFTED, *PERCEIVED)]
+            self._untold += [event for event in events if event.kind in (*DRIFTED, *CAUSES)]
         else:
             self._step()
             events, self._untold = (*self._untold, *events), []

@@ -12,18 +12,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from evertwin.features.perception import CAUSES, FROZEN
 from evertwin.fold import Event
-
-LASTS, PASSES = "unit_doubted", "scans_frozen"
-"""Kinds of event that say why there is no pose: whatever scans tell, and until they tell one."""
 
 
 def unperceived(events: Iterable[Event]) -> list[str]:
-    """Why scans tell no pose, a sentence for each kind."""
+    """Why scans tell no pose, a sentence for each kind; a frozen lidar until they do again."""
     found = dict[str, str]()
     for event in events:
         if event.kind == "pose_found":
-            found.pop(PASSES, None)
-        elif event.kind in (LASTS, PASSES):
+            found.pop(FROZEN, None)
+        elif event.kind in CAUSES:
             found[event.kind] = f"{event.reason[0].upper()}{event.reason[1:]}."
     return [*found.values()]
