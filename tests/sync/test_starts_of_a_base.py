@@ -31,5 +31,5 @@ def test_behind_a_gap_a_base_may_look_anywhere(heading: float) -> None:
     with Twin(shipped("robot_live", clock=ClockSpec(gap=5.0))) as twin:
         result = twin.run(columns)
     assert not [e for e in result.events if e.kind in ("measurement_error", "overruled")]
-    residual = result.trace["residual"][600:, :2]
+    residual = result.trace["residual"][anew:, :2]
     assert np.nanmax(np.abs(residual)) < 0.05
