@@ -52,7 +52,7 @@ def caveats(task: Task, content: dict[str, Any]) -> None:
 def of_late_scans(tuner: Tuner, task: Task, content: dict[str, Any]) -> None:
     """Tells, beside the first candidate of a twin, that all of a pose by scans comes late."""
     version, setup = task.version, tuner.setup
-    if version.number or not content.get("candidate"):
+    if version.number or task.rival is not None or not content.get("candidate"):
         return
     model = tuner.versions.model_of(version.form)
     if both := late_scans(setup, model, version.p, task.windows):
