@@ -5,6 +5,7 @@ does all later than it is told; which of the two nobody can tell from them. What
 command is no drive: stamps are wrong. So commands are put later and later; where predictions with
 them are right best, by heading and by way, is how late the pose is.
 
+>>> from evertwin.fold import make_block
 >>> t = np.arange(5) * 10**9
 >>> block = make_block(t=t, u=np.array([[0.0], [1.0], [1.0], [3.0], [3.0]]), y=np.zeros((5, 1)))
 >>> put_later(block, 0.5).u[:, 0].tolist()
