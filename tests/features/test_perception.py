@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -191,3 +192,73 @@ def test_what_does_not_fit_is_refused(drive: tuple[Scans, np.ndarray]) -> None:
     on = stage(drive[0])
     with pytest.raises(DataError, match="source 'scan': expected 90 values, got"):
         on.step(on.init(), Chunk("scan", np.array([0]), np.ones((1, 91))))
+
+
+def driving(speed: float, t: int = -1) -> Chunk:
+    return Chunk("drives", np.array([t]), np.array([[0.0, speed]]))
+
+
+def standing_still(scans: Scans, first: int = 8, stop: int = 14) -> list[Chunk]:
+    """Scans of a drive, of which one comes again and again."""
+    chunks = seen(scans)
+    again = [c._replace(v=chunks[first - 1].v) for c in chunks[first:stop]]
+    return [*chunks[:first], *again, *chunks[stop:]]
+
+
+def test_a_frozen_lidar_is_named_and_none_of_its_scans_tells_a_pose(
+    drive: tuple[Scans, np.ndarray],
+) -> None:
+    scans = drive[0]
+    on = stage(scans, drives=("drives",))
+    chunks = [driving(0.5), *standing_still(scans)]
+    found, told = poses(on, chunks)
+    assert np.isnan(found.pose[8:14]).all() and np.isfinite(found.pose[:8]).all()
+    assert told[:2] == ["scans_frozen", "pose_lost"] and told.count("scans_frozen") == 1
+    [event] = [one for one in fold(on, chunks)[1].records if one.kind == "scans_frozen"]
+    assert event.evidence["first"] == scans.t[7] and "while the inputs drive" in event.reason
+    turns = [*chunks[:11], driving(0.0, int(scans.t[9]) + 1), *chunks[11:]]
+    assert np.isnan(poses(on, turns)[0].pose[8:14]).all(), "it stays frozen where the drive stops"
+    state, first = fold(on, chunks[:12])
+    state = load(save(copy(state)), like=on.init())
+    assert equal(join([first, fold(on, chunks[12:], state)[1]]).rows, fold(on, chunks)[1].rows)
+
+
+def test_a_machine_that_stands_may_see_the_same_again(drive: tuple[Scans, np.ndarray]) -> None:
+    """Without noise, as in a simulation."""
+    scans = drive[0]
+    on = stage(scans, drives=("drives",))
+    stops, goes = driving(0.0, int(scans.t[7])), driving(0.5, int(scans.t[13]))
+    chunks = [driving(0.5), *standing_still(scans)]
+    found, told = poses(on, merged(*chunks, stops, goes))
+    assert told == [] and np.isfinite(found.pose[:14]).all()
+    unsaid, why = poses(stage(scans), chunks[1:])
+    assert np.isfinite(unsaid.pose[:10]).all() and np.isnan(unsaid.pose[10:14]).all()
+    assert "scans_frozen" in why, "nobody says whether it drives: only after a few"
+
+
+@pytest.mark.parametrize(("factor", "meant"), [(1e3, "mm"), (1e2, "cm"), (1e-3, "m")])
+def test_ranges_in_another_unit_are_named(
+    drive: tuple[Scans, np.ndarray], factor: float, meant: str
+) -> None:
+    scans = drive[0]
+    wide = replace(scans.lidar, longest=np.inf)
+    declared = "mm" if factor < 1.0 else "m"
+    on = Perception("scan", wide, 90, unit=declared)
+    chunks = [c._replace(v=factor * c.v) for c in seen(scans)]
+    found, told = poses(on, chunks)
+    assert told[:2] == ["pose_lost", "unit_doubted"] and told.count("unit_doubted") == 1
+    assert np.isnan(found.pose[2:, 0]).mean() > (0.6 if meant == "cm" else 0.99)
+    [event] = [one for one in fold(on, chunks)[1].records if one.kind == "unit_doubted"]
+    assert f"unit = '{meant}'" in event.reason and "[perception]" in event.reason
+    assert event.reason.endswith(f"it is '{declared}' now")
+
+
+def test_a_loss_is_told_once_however_many_maps_are_begun(drive: tuple[Scans, np.ndarray]) -> None:
+    """A map is one where a second scan is found in it."""
+    scans = drive[0]
+    rng, chunks = np.random.default_rng(1), seen(scans, 0, 16)
+    fog = [c._replace(v=rng.uniform(1.0, 9.0, (1, 90))) for c in chunks[4:]]
+    rest = [c._replace(t=c.t + 16 * STEP) for c in seen(scans, 0, 10)]
+    found, told = poses(stage(scans), [*chunks[:4], *fog, *rest])
+    assert told == ["pose_lost", "pose_found"]
+    assert np.isnan(found.pose[4:16]).all() and np.isfinite(found.pose[-3:]).all()

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from evertwin.fold import make_block
-from evertwin.gauges.misread import PIECES, Reading, readings
+from evertwin.gauges.misread import PIECES
+from evertwin.gauges.reading import Reading, readings
 from evertwin.machines.mobile import Differential
 from evertwin.models import FunctionModel, Parameters
 from evertwin.signals import Layout

@@ -14,6 +14,7 @@ from evertwin import Twin, TwinSpec
 from evertwin.config import reads
 from evertwin.config.spec import ChannelSpec, ClockSpec, SourceSpec, StoreSpec, TimeSpec
 from evertwin.errors import ConfigError, DataError
+from evertwin.features.perception import PERCEIVED
 from evertwin.fold import Chunk
 from evertwin.rows import Feed
 from evertwin.sources.spec import ArraySpec
@@ -209,3 +210,28 @@ def test_ranges_in_another_unit(folder: Path, tmp_path: Path) -> None:
             blocks = list(Feed(one, twin.model).stream(files))
         found.append(np.concatenate([block.y for block in blocks])[:9])
     assert found[1] == pytest.approx(found[0], abs=1e-9)
+
+
+def test_a_lidar_that_freezes_leaves_no_prediction_over_its_new_map(
+    folder: Path, tmp_path: Path
+) -> None:
+    """Behind it the hall is another one: the same, mirrored."""
+    head, *lines = (folder / "run-scan.csv").read_text().splitlines()
+    scans = [line.split(",") for line in lines]
+    begin, stop = len(scans) // 4, len(scans) * 3 // 4
+    for k, one in enumerate(scans[begin:], begin):
+        one[2:] = scans[begin][2:] if k < stop else [one[2], *one[:2:-1]]
+    (tmp_path / "scan.csv").write_text("\n".join([head, *map(",".join, scans)]) + "\n")
+    files, spec = [*tables(folder, "command"), tmp_path / "scan.csv"], shipped("robot_live")
+    found = compared(spec, files, np.random.default_rng(2))
+    assert all(one.startswith("log") for one in found.different), "which tells it, pushed"
+    with Twin(spec) as twin:
+        feed = Feed(spec, twin.model)
+        rows = list(feed.stream(files))
+    told = [e.kind for e in feed.events if e.kind in PERCEIVED]
+    assert told == ["scans_frozen", "pose_lost", "scans_missing", "pose_found"]
+    gap, y = (np.concatenate([getattr(block, n) for block in rows]) for n in ("gap", "y"))
+    known = np.flatnonzero(np.isfinite(y[:, 0]))
+    assert np.flatnonzero(gap).tolist() == [0, known[np.diff(known).argmax() + 1]]
+    residual = found.result.trace["residual"][np.flatnonzero(gap)[1] :, :2]
+    assert np.nanmax(np.abs(residual[:8])) < 0.1, "no prediction from one frame into another"

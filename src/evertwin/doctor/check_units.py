@@ -27,7 +27,9 @@ from evertwin.doctor.factors import Factor, Hypothesis, scaled, suspects
 from evertwin.doctor.finding import Finding
 from evertwin.fold import Block, take
 from evertwin.gauges.clock_unit import stamped_in
+from evertwin.gauges.late_scans import late_scans, said_late
 from evertwin.gauges.misread import ANSWERED, likeliest
+from evertwin.gauges.scanned import pose_of, rule_of
 from evertwin.gauges.turned import WRONG as ASKEW
 from evertwin.gauges.turned import Numbered, angles_of, turned
 from evertwin.gauges.unlike import Changes
@@ -81,10 +83,18 @@ def look_units(view: View, figures: dict[str, Any]) -> list[Finding]:
 
 
 def _exchanged(view: View, window: Block) -> Iterator[Finding]:
-    """Columns that have changed places, of a model with states: they explain all that is off."""
+    """Columns that have changed places, of a model with states: they explain all that is off; or
+    beams that run the other way round."""
     if view.setup.static:
         return
     best = likeliest(view.setup, view.model, view.version.p, [window])
+    pose = pose_of(view.setup.spec, view.model)
+    if best and pose and best[0].channels == (pose[2], pose[1]):
+        yield Finding(
+            "turned", pose[2], f"{', or '.join(one.said for one in best)}: so it fits the model",
+            "[perception]", "turn the sign of start and step, if that is confirmed",
+            {"hypotheses": [one.channels for one in best]},
+        )  # fmt: skip
     if best and best[0].exchanged:
         yield Finding(
             "exchanged", best[0].channels[0],
@@ -103,10 +113,12 @@ def _turned(view: View, missed: Vector) -> Iterator[Finding]:
     numbers = view.version.p, tuned(view, lambda window: window, view.windows)
     best = turned(view.setup, [Numbered(view.model, p) for p in numbers], view.windows)
     if best:
+        scanned = rule_of(view.setup.spec, (best.channel,))
         yield Finding(
             "turned", best.channel,
             f"{best.said}: so {100 * best.share:.1f} % of the squared deviation is gone",
-            "[source.channels]", best.step(view.setup), best._asdict(),
+            "[perception]" if scanned else "[source.channels]", best.step(view.setup),
+            best._asdict(),
         )  # fmt: skip
 
 
@@ -230,7 +242,16 @@ def _least(found: list[Hypothesis]) -> list[Hypothesis]:
 
 
 def look_lags(view: View, figures: dict[str, Any]) -> Iterator[Finding]:
-    """How late each output is after its prediction by a free run."""
+    """How late each output is after its prediction by a free run; or all of a pose by scans."""
+    if both := late_scans(view.setup, view.model, view.version.p, view.windows):
+        figures["late_scans"] = {"heading": both[0]._asdict(), "way": both[1]._asdict()}
+        yield Finding(
+            "lag", view.setup.spec.perception.pose[2] if view.setup.spec.perception else "",
+            said_late(view.setup, both), "[[source]] offset",
+            "measure which of the two it is, with one clock for all; a lag that is left in is "
+            "learned as one of the drive", figures["late_scans"],
+        )  # fmt: skip
+        return
     window = max(view.judged, key=lambda one: len(one.t))
     window = take(window, 0, min(len(window.t), view.most))
     shared = _lag(view, window)

@@ -27,7 +27,9 @@ import numpy as np
 
 from evertwin.errors import DataError
 from evertwin.features.poses import Fix, Poses
-from evertwin.features.scan_matcher import Following, ScanMatcher
+from evertwin.features.range_unit import LONGEST, doubted, middle
+from evertwin.features.repeats import Repeats
+from evertwin.features.scan_matcher import FEW, STANDING, Following, ScanMatcher
 from evertwin.features.words import NEVER, Words
 from evertwin.fold import Chunk, Event, Out, make_block
 from evertwin.signals.planar import wrapped
@@ -40,8 +42,9 @@ LOST = 3
 """Scans in a row without a pose that are told of."""
 MISSING, LEARNS = 5.0, 0.1
 """Usual steps from scan to scan that are a hole, and how much one tells of what is usual."""
-PERCEIVED = ("pose_lost", "pose_found", "scans_missing", "unheard", "heard")
-"""Kinds of its events."""
+CAUSES = FROZEN, UNIT = "scans_frozen", "unit_doubted"
+PERCEIVED = ("pose_lost", "pose_found", "scans_missing", *CAUSES, "unheard", "heard")
+"""Kinds of its events; those that say why there is no pose, each once."""
 WHEELS, GYRO = 0, 1
 NOT_YET, HEARD, UNHEARD = 0, 1, 2
 
@@ -99,7 +102,12 @@ class PerceptionState(NamedTuple):
     late: int
     """Scans that came out of order since the last that did not."""
     segment: int
-    """In which the last pose was told."""
+    """Of the map of the last scan."""
+    left: int
+    """In which it was told before there was none."""
+    repeats: Repeats
+    doubted: bool
+    """Was it told that the unit of its ranges is doubted?"""
     task: int
 
 
@@ -122,6 +130,10 @@ class Perception:
     """Standard deviation of the place from which on a pose is none [m]."""
     every: float = 0.0
     """A pose is told for the first scan of each such time; 0: for every one [s]."""
+    drives: tuple[str, ...] = ()
+    """Sources of inputs that drive the machine; none: nobody says whether it drives."""
+    unit: str = "m"
+    """That is declared for the ranges."""
 
     @cached_property
     def _matcher(self) -> ScanMatcher:
@@ -136,7 +148,7 @@ class Perception:
         return PerceptionState(
             self._matcher.init(), np.zeros(WAITING, np.int64), np.zeros((WAITING, self.beams)), 0,
             0, Words.none(3), Words.none(3), np.zeros(2, np.int64), 0, NEVER, NEVER, 0.0, 0, NEVER,
-            NEVER, 0, 0, 0,
+            NEVER, 0, 0, 0, Repeats.none(len(self.drives)), False, 0,
         )  # fmt: skip
 
     def step(self, state: PerceptionState, block: Chunk) -> tuple[PerceptionState, Out]:
@@ -152,6 +164,9 @@ class Perception:
         for t, v in zip(block.t.tolist(), block.v, strict=True):
             if block.source == self.scan:
                 state = self._seen(state, t, v, out)
+            elif block.source in self.drives:
+                k = self.drives.index(block.source)
+                state = state._replace(repeats=state.repeats.driven(k, t, v))
             elif block.source == self.wheels:
                 state = _moved(state, t, v)
             else:
@@ -183,7 +198,8 @@ class Perception:
         Raises:
             DataError: it has another one.
         """
-        width = {self.scan: self.beams, self.wheels: 3, self.gyro: 1}[chunk.source]
+        widths = {self.scan: self.beams, self.wheels: 3, self.gyro: 1}
+        width = widths.get(chunk.source, chunk.v.shape[-1])
         if chunk.v.shape != (len(chunk.t), width):
             raise DataError(
                 f"source {chunk.source!r}: expected {width} values, got {chunk.v.shape[1:]}"
@@ -200,8 +216,7 @@ class Perception:
         if state.came - state.read == WAITING:
             state = self._one(state, out)
         place = state.came % WAITING
-        with np.errstate(invalid="ignore"):
-            measured = (ranges > 0.0) & (ranges < self.lidar.longest) & np.isfinite(ranges)
+        measured = np.isfinite(ranges) & (ranges > 0.0)
         state.t[place], state.ranges[place] = t, np.where(measured, ranges, np.nan)
         return state._replace(came=state.came + 1, late=0)
 
@@ -229,18 +244,22 @@ class Perception:
         state = self._missed(state, t, out)
         state, moved = self._said(state, t, out)
         before = None if state.before == NEVER else state.before
-        block = make_block(t=[t], u=moved[None], y=state.ranges[place][None], before=before)
+        ranges = self._measured(state.ranges[place])
+        state = self._again(state, t, ranges, out)
+        block = make_block(t=[t], u=moved[None], y=ranges[None], before=before)
         following, found = self._matcher.step(state.following, block)
         poses: Poses = found.rows
         place_sd = np.sqrt(poses.covariance[0, 0, 0] + poses.covariance[0, 1, 1])
-        told = poses.fix[0] == Fix.MATCHED and place_sd <= self.within
-        pose, segment = poses.pose[0] if told else np.full(3, np.nan), int(poses.segment[0])
+        segment = int(poses.segment[0])
+        anew = state.without and segment != state.segment  # a map that begins has any scan placed
+        told = poses.fix[0] == Fix.MATCHED and place_sd <= self.within and not anew
+        pose = poses.pose[0] if told else np.full(3, np.nan)
         now = t if self.every == 0.0 else t // round(1e9 * self.every)
         if now > state.told:
             out.rows.append((t, pose, segment, state.task))
             state = state._replace(told=now if told else state.told)
         state = self._found(state, t, segment, out) if told else self._lost(state, t, out)
-        return state._replace(following=following, read=state.read + 1, before=t)
+        return state._replace(following=following, read=state.read + 1, before=t, segment=segment)
 
     def _missed(self, state: PerceptionState, t: int, out: _Said) -> PerceptionState:
         """Were scans missing before this one?"""
@@ -275,21 +294,45 @@ class Perception:
                 state.heard[k] = HEARD
         return state, moved
 
+    def _measured(self, ranges: Vector) -> Vector:
+        """Those that the lidar can have measured."""
+        longest = self.lidar.longest if not middle(ranges) > LONGEST else 0.0
+        return np.where(ranges < longest, ranges, np.nan)
+
+    def _again(self, state: PerceptionState, t: int, ranges: Vector, out: _Said) -> PerceptionState:
+        """Is a scan the one before, number by number?"""
+        last = state.following.ranges
+        same = np.isfinite(ranges).sum() >= FEW and np.array_equal(ranges, last, equal_nan=True)
+        repeats = state.repeats.after(bool(same), state.before, t)
+        if repeats.again == STANDING:
+            what = f"{self.scan}: {repeats.said}"
+            out.tell(t, FROZEN, self.scan, what, first=repeats.since, last=t)
+        following = state.following._replace(repeated=STANDING * repeats.frozen)
+        return state._replace(repeats=repeats, following=following)
+
     def _found(self, state: PerceptionState, t: int, segment: int, out: _Said) -> PerceptionState:
         if state.without >= LOST:
             what = f"the scans tell the pose again after {1e-9 * (t - state.since):.4g} s without"
-            if segment != state.segment:
+            if segment != state.left:
                 what += ", on a new map: where that lies is not known, poses before and after are "
                 what += "not of one frame"
             evidence = {"first": state.since, "last": t, "segment": segment}
             out.tell(t, "pose_found", self.scan, what, **evidence)
-        return state._replace(without=0, segment=segment)
+        return state._replace(without=0)
 
     def _lost(self, state: PerceptionState, t: int, out: _Said) -> PerceptionState:
-        state = state._replace(without=state.without + 1, since=state.since if state.without else t)
+        if not state.without:
+            state = state._replace(since=t, left=state.segment)
+        state = state._replace(without=state.without + 1)
         if state.without == LOST:
             what = f"{LOST} scans in a row tell no pose: there is none until one does"
             out.tell(t, "pose_lost", self.scan, what, first=state.since, last=t)
+        if state.without >= LOST and not state.doubted:
+            ranges = state.ranges[state.read % WAITING]
+            if why := doubted(ranges, self.unit):
+                what = f"{self.scan}: {why}: in [perception] it is '{self.unit}' now"
+                out.tell(t, UNIT, self.scan, what, first=state.since, last=t)
+                state = state._replace(doubted=True)
         return state
 
 

@@ -28,8 +28,9 @@ from evertwin.fold import Windows
 from evertwin.gauges.change import split
 from evertwin.gauges.gauge_rows import LEAST, Rows
 from evertwin.gauges.kinematic import contradicted
-from evertwin.gauges.misread import ALIKE, PIECES, Reading, misread, possible
+from evertwin.gauges.misread import ALIKE, PIECES, misread
 from evertwin.gauges.offset import HELD, NEAR, offset
+from evertwin.gauges.reading import Reading, possible
 from evertwin.gauges.sensor_change import SensorChange, since_change, unmeasured
 from evertwin.gauges.silent import silent
 from evertwin.gauges.unit_change import unit_change

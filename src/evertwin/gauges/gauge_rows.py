@@ -10,7 +10,7 @@ import numpy as np
 
 from evertwin.errors import DataError, ModelError
 from evertwin.fold import Block, Windows, take
-from evertwin.gauges.misread import Reading
+from evertwin.gauges.reading import Reading
 from evertwin.gauges.sensor_change import Refused, unmeasured
 from evertwin.models.kernel import CONTINUE
 from evertwin.rows.channels import unit_told

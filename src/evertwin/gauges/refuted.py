@@ -14,8 +14,8 @@ from evertwin.fold import Windows
 from evertwin.gauges.change import split
 from evertwin.gauges.constant import STEP
 from evertwin.gauges.gauge_rows import FAR, LEAST, unchanged
-from evertwin.gauges.misread import possible
 from evertwin.gauges.off_by import Column, left_with
+from evertwin.gauges.reading import possible
 from evertwin.gauges.sensor_change import unmeasured
 from evertwin.gauges.turned import Numbered, turned
 from evertwin.setup.setup import Setup

@@ -21,7 +21,9 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.fold import Block, Windows, take
-from evertwin.gauges.misread import ROWS, Reading, newest_rows, seen, total
+from evertwin.gauges.misread import ROWS, newest_rows, seen, total
+from evertwin.gauges.reading import Reading
+from evertwin.gauges.scanned import rule_of, turned_by
 from evertwin.gauges.sensor_change import SensorChange, unmeasured
 from evertwin.models import Model
 from evertwin.rows.channels import unit_recorded
@@ -85,6 +87,8 @@ class Turned(NamedTuple):
 
     def step(self, setup: Setup) -> str:
         """What to write into the twin file, in the unit of the recording."""
+        if self.number != SIGN and rule_of(setup.spec, (self.channel, *self.others)):
+            return turned_by(setup.spec, self.shift)
         unit = unit_recorded(setup.spec, self.channel) or "rad"
         offset = self.shift / conversion_of(unit)[0]
         scale = "scale = -1, " if self.number == SIGN else ""

@@ -34,6 +34,7 @@ from evertwin.loop.retold import Retold
 from evertwin.outcome.headline import first_of_rows
 from evertwin.outcome.open_faults import KINDS
 from evertwin.outcome.result import RunResult
+from evertwin.outcome.unperceived import unperceived
 from evertwin.rows.feed import ALONE, Data, Feed
 from evertwin.rows.rate import measured
 from evertwin.setup.setup import Setup
@@ -152,12 +153,12 @@ class Run:
         if result.failed and result.failed.all:
             raise ModelError(str(result.failed))
         had = looked if over else feed
-        said = first_of_rows(result.headline, had.left_out)
-        aligned = (
+        aligned = [
             replace(event, row=event.row - place.offset, time=event.time - place.moved)
             for event in had.events
             if event.kind in (*OF_ROWS, *KINDS) and event.row >= place.offset
-        )
+        ]
+        said = first_of_rows(" ".join((*unperceived(aligned), result.headline)), had.left_out)
         events = tuple(sorted((*aligned, *result.events), key=lambda event: event.row))
         return replace(
             result,

@@ -26,6 +26,7 @@ from evertwin.outcome.open_faults import open_faults
 from evertwin.outcome.open_trial import OpenTrial, shorter
 from evertwin.outcome.result import OutputFigures
 from evertwin.outcome.unjudged import none_judged
+from evertwin.outcome.unperceived import unperceived
 from evertwin.rows.ring import called
 from evertwin.setup.setup import Setup
 from evertwin.signals.spoken import both, share, spoken
@@ -44,7 +45,7 @@ NEWEST = 2
 """Windows of a deviation before the end in which one that is told goes on."""
 ROUGH = 3.0
 """A jump of fewer times what the model is off by is no news of its sensor."""
-LATEST = ("state", "followed", "alternates")
+LATEST = ("state", "followed", "alternates", "pose_late")
 """Kinds of event of which the newest is told."""
 FITS = re.compile("The twin fits its machine(?: now)?")
 """What is said of a twin, unless rows of an output are refused to the end."""
@@ -73,7 +74,7 @@ def headline(
         outcome = none_judged(setup, measured, SHORT)
     turns = [{e.evidence["first"], e.evidence["second"]} for e in _last(events, "alternates")]
     back = () if {champion.number} <= set().union(*turns) else went_back(events, champion.number)
-    told = [*faults.values(), outcome, *back]
+    told = [*faults.values(), *unperceived(events), outcome, *back]
     if doubted and doubted not in outcome:  # of a sensor in front; the machine may be elsewhere
         place = len(told) if doubted.startswith(OUTSIDE) else 0
         told.insert(place, f"{doubted[0].upper()}{doubted[1:]}.")

@@ -17,6 +17,7 @@ from evertwin.gauges.gauge import misgauged, reread
 from evertwin.gauges.input_alike import alike_inputs
 from evertwin.gauges.kinematic import apart
 from evertwin.gauges.late_outputs import late_outputs
+from evertwin.gauges.late_scans import late_scans, said_late
 from evertwin.gauges.misread import misread
 from evertwin.gauges.off_in_all import in_all
 from evertwin.gauges.offset import leapt
@@ -25,6 +26,7 @@ from evertwin.gauges.sensor_change import SensorChange
 from evertwin.gauges.stuck import stuck
 from evertwin.gauges.turned import of_an_angle
 from evertwin.ledger.caveats import SAME, SENSOR, caveats_of
+from evertwin.refit.answering import event
 from evertwin.refit.tuner import ENOUGH, Tuner
 from evertwin.setup.setup import Setup
 from evertwin.setup.task import Task
@@ -45,6 +47,17 @@ def caveats(task: Task, content: dict[str, Any]) -> None:
     old, new = (caveats_of(reason) for reason in (task.version.reason, found["reason"]))
     kept = [said for channel, said in old.items() if channel not in new]
     found["reason"] = "; ".join([found["reason"], *kept])
+
+
+def of_late_scans(tuner: Tuner, task: Task, content: dict[str, Any]) -> None:
+    """Tells, beside the first candidate of a twin, that all of a pose by scans comes late."""
+    version, setup = task.version, tuner.setup
+    if version.number or task.rival is not None or not content.get("candidate"):
+        return
+    model = tuner.versions.model_of(version.form)
+    if both := late_scans(setup, model, version.p, task.windows):
+        evidence = {"heading": both[0]._asdict(), "way": both[1]._asdict()}
+        content["events"].append(event("pose_late", "", said_late(setup, both), evidence))
 
 
 def of_what_is_read(*rows: Any) -> SensorChange | None:

@@ -37,7 +37,13 @@ from evertwin.refit.answering import (
     of_a_sensor,
     undone,
 )
-from evertwin.refit.channels import caveats, of_a_bias, of_a_channel, of_what_is_read
+from evertwin.refit.channels import (
+    caveats,
+    of_a_bias,
+    of_a_channel,
+    of_late_scans,
+    of_what_is_read,
+)
 from evertwin.refit.correcting import sought
 from evertwin.refit.fewest import fewest
 from evertwin.refit.judgement import judged, numbers_first, of_the_form
@@ -112,6 +118,7 @@ class Work(Tuner):
                 content = content or (self.fit(task) if task.kind == "fit" else {})
             self._refuse(task, content)
             caveats(task, content)
+            of_late_scans(self, task, content)
             if task.held and "fit" in content:
                 content["against"] = against(content)
             if task.rival is not None and not (content.get("candidate") or {}).get("brief"):

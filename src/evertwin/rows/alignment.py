@@ -50,6 +50,8 @@ WIDE = ("filter", "derivative", "slope")
 """Operations that look at neighbouring rows."""
 SPEEDS, PLACES = ("derivative", "slope"), ("m", "rad")
 """Operations that take a difference; units of a place."""
+DRIVEN = ("m/s", "rad/s")
+"""Units of inputs that drive a machine."""
 AT_ROW, HELD = "", "held "
 """Before the name of a column: the value at the row, or the one held over its interval."""
 
@@ -89,7 +91,8 @@ class Alignment:
             ConfigError: a channel is neither recorded nor derived, or an operation lacks a rate.
         """
         every, feeds = feeds, with_pose(spec, recorded_for(spec, model), feeds)
-        perceiving = Perceiving.of(spec, every, feeds, lidar)
+        speeds = [recorded_as(spec, one.name) for one in model.inputs if one.unit in DRIVEN]
+        perceiving = Perceiving.of(spec, every, feeds, lidar, speeds)
         operations = _operations(spec)
         dynamic = len(model.states) > 0
         computed = {one.name for one in operations}

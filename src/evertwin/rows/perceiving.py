@@ -18,6 +18,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from evertwin.config import TwinSpec, place
 from evertwin.config.spec import PerceptionSpec
 from evertwin.errors import ConfigError, DataError
@@ -26,6 +28,9 @@ from evertwin.fold import Chunk, Event, Out
 from evertwin.signals.units import conversion_of
 from evertwin.sources.scans import Lidar
 from evertwin.sync import Feed
+
+DRIVES = "drives "
+"""Before the name of a source whose inputs drive the machine."""
 
 
 def with_pose(spec: TwinSpec, needed: Sequence[str], feeds: Sequence[Feed]) -> tuple[Feed, ...]:
@@ -38,7 +43,7 @@ def with_pose(spec: TwinSpec, needed: Sequence[str], feeds: Sequence[Feed]) -> t
         return tuple(feeds)  # where the pose is recorded it is no longer made
     priors = {*rule.wheels, rule.gyro}
     kept = [one for one in feeds if not priors & {*one.channels} or {*needed} & {*one.channels}]
-    return (*kept, Feed(rule.scan, rule.pose, rule.slack, rule.timeout))
+    return (*kept, Feed(rule.scan, rule.pose, rule.slack, rule.timeout, framed=True))
 
 
 @dataclass(frozen=True)
@@ -62,8 +67,9 @@ class Perceiving:
 
     @classmethod
     def of(
-        cls, spec: TwinSpec, feeds: Sequence[Feed], brought: Sequence[Feed], lidar: Lidar | None
-    ) -> Perceiving | None:
+        cls, spec: TwinSpec, feeds: Sequence[Feed], brought: Sequence[Feed], lidar: Lidar | None,
+        speeds: Sequence[str] = (),
+    ) -> Perceiving | None:  # fmt: skip
         """For sources that bring ``feeds``, of which the alignment takes ``brought``; None: the
         pose is recorded.
 
@@ -72,6 +78,7 @@ class Perceiving:
             feeds: all of them.
             brought: by `with_pose`.
             lidar: as the recording says; None: it does not.
+            speeds: channels that drive the machine.
 
         Raises:
             ConfigError: nobody says where the beams look.
@@ -92,7 +99,9 @@ class Perceiving:
         assert stated is not None
         columns: dict[str, tuple[tuple[str, list[int]], ...]] = {}
         for one in feeds:
-            parts = (("wheels", rule.wheels), ("gyro", (rule.gyro,) * bool(rule.gyro)))
+            driven = tuple(name for name in speeds if name in one.channels)
+            parts = (("wheels", rule.wheels), ("gyro", (rule.gyro,) * bool(rule.gyro)),
+                     (f"{DRIVES}{one.name}", driven))  # fmt: skip
             columns[one.name] = tuple(
                 (what, [one.channels.index(name) for name in names])
                 for what, names in parts if names and {*names} <= {*one.channels}
@@ -101,6 +110,7 @@ class Perceiving:
         stage = Perception(
             rule.scan, stated, beams, "wheels" if "wheels" in heard else "",
             "gyro" if "gyro" in heard else "", rule.silent, rule.within, rule.every or 0.0,
+            tuple(sorted(what for what in heard if what.startswith(DRIVES))), rule.unit,
         )  # fmt: skip
         aligned = frozenset(one.name for one in brought) - {rule.scan}
         names = {one.name: one.channels for one in feeds}
@@ -167,8 +177,10 @@ class Perceiving:
         placed: Placed | None = out.rows
         for k in range(0 if placed is None else len(placed.t)):
             assert placed is not None
-            t, pose = placed.t[k : k + 1], placed.pose[k : k + 1]
-            yield Chunk(self.rule.scan, t, pose, int(placed.task[k]))
+            pose = placed.pose[k : k + 1]
+            frame = np.where(np.isfinite(pose[:, :1]), placed.segment[k], np.nan)
+            v = np.concatenate([pose, frame], axis=1)
+            yield Chunk(self.rule.scan, placed.t[k : k + 1], v, int(placed.task[k]))
 
 
 def _slice(chunk: Chunk, first: int, stop: int) -> Chunk:

@@ -73,6 +73,14 @@ class Feed:
     """Silent for this long before a tick, it is no longer waited for [s]."""
     offset: float = 0.0
     """Added to its stamps [s]: what its clock is behind, or minus its known transport lag."""
+    framed: bool = False
+    """Does a last column, beside the channels, number the frame that they are told in (NaN: as
+    before)? Behind a border the state starts anew."""
+
+    @property
+    def width(self) -> int:
+        """Number of columns."""
+        return len(self.channels) + self.framed
 
 
 class AlignState(NamedTuple):
@@ -204,11 +212,12 @@ class Align:
     def init(self) -> AlignState:
         """The state before the first sample."""
         ns, nc = len(self.feeds), len(self.inputs) + len(self.outputs)
-        width = max(len(feed.channels) for feed in self.feeds)
+        width = max(feed.width for feed in self.feeds)
         clock = np.zeros(11, dtype=np.int64)
         clock[[loop.TASK, loop.NOW]] = NEVER
-        sources = np.zeros((ns, 14), dtype=np.int64)
+        sources = np.zeros((ns, 16), dtype=np.int64)
         sources[:, on_row.NEWEST] = NEVER
+        sources[:, on_row.FRAMED] = [len(one.channels) if one.framed else -1 for one in self.feeds]
         waiting = np.zeros((ns, self.depth), dtype=np.int64), np.zeros((ns, self.depth, width))
         known = np.full(nc, NEVER), np.full(nc, np.nan), np.full(nc, NEVER)
         habits = np.zeros((nc, 4), dtype=np.int64)
@@ -242,7 +251,7 @@ class Align:
         if s < 0:
             known = ", ".join(self._sources)
             raise DataError(f"source {block.source!r}: expected one of {known}")
-        width = len(self.feeds[s].channels)
+        width = self.feeds[s].width
         if block.v.shape != (len(block.t), width):
             raise DataError(
                 f"source {block.source!r}: expected {width} columns "
@@ -291,7 +300,8 @@ class Align:
     def _straight(self, state: AlignState, chunk: Chunk) -> Rows | None:
         """The rows of a single source without fault, whole columns at a time; None: not so."""
         clock, source = state.clock, state.sources[0]
-        plain = len(self.feeds) == 1 and self.feeds[0].slack == 0 and self.rate is None
+        first = self.feeds[0]
+        plain = len(self.feeds) == 1 and not (first.slack or first.framed) and self.rate is None
         if not plain or self.jump < float("inf") or len(chunk.t) < WORTH:
             return None
         begun = clock[loop.BEGUN] == 1 and clock[loop.TASK] == chunk.task

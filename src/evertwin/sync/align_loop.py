@@ -40,6 +40,8 @@ from evertwin.sync.on_row_loop import (
     TIMELY,
     acted,
     between,
+    borders,
+    take_frame,
 )  # fmt: skip
 from evertwin.sync.pace_loop import TAKEN, is_over, is_told, is_unusual, learn, paced
 
@@ -172,9 +174,7 @@ def edge(plan: Any, clock: Any, sources: Any) -> int:
     """Stamp that every source has passed."""
     lowest = np.iinfo(np.int64).max
     for s in range(sources.shape[0]):
-        mine = NEVER
-        if sources[s, NEWEST] != NEVER:
-            mine = sources[s, NEWEST] - plan[s, SLACK]
+        mine = sources[s, NEWEST] - plan[s, SLACK] if sources[s, NEWEST] != NEVER else NEVER
         if clock[NOW] != NEVER and plan[s, TIMEOUT] < np.iinfo(np.int64).max:
             mine = max(mine, clock[NOW] - plan[s, TIMEOUT])
         lowest = min(lowest, mine)
@@ -202,6 +202,7 @@ def consume(
     for s in range(sources.shape[0]):
         while sources[s, COUNT] > 0 and times[s, sources[s, HEAD]] <= until:
             head = sources[s, HEAD]
+            take_frame(sources, values, s, head)
             pace[TAKEN] = max(pace[TAKEN], times[s, head])
             for k in range(channels.shape[0]):
                 if channels[k, SOURCE] == s:
@@ -242,7 +243,6 @@ def emit(
                 tell(notes, clock, 0, HOLE, (came - passed, came, 0))
         learn(pace, passed)
     for k in range(nu):
-        # A command acts from its stamp on: what is held is the newest before the interval.
         u[at, k] = acted(channels, sources, times, values, known_v[k], k, (clock[LAST], stamp))
         mark[at, k] = OK if known_t[k] == clock[LAST] else HELD
     consume(channels, clock, sources, times, values, known, notes, stamp)
@@ -312,7 +312,8 @@ def release(
         if not (everything or full or edge(plan, clock, sources) >= following):
             return True
         resumed = clock[BEGUN] == 0 or clock[ANEW] == 1
-        if usual and period > 0 and not resumed and is_unusual(known[4], stamp - known[4][TAKEN]):
+        unusual = usual and period > 0 and is_unusual(known[4], stamp - known[4][TAKEN])
+        if not resumed and (unusual or borders(sources, times, values, following)):
             clock[ANEW] = 1
             continue
         stamp = following

@@ -18,11 +18,12 @@ SOURCE, COLUMN, HOW, TURNS, LOSES = range(5)
 cell be a command that was lost (`evertwin.sync.lost_loop`)?"""
 (
     HEAD, COUNT, NEWEST, OFFSET, QUIET, RUN, RUN_FIRST, RUN_LAST, RUN_COUNT, RUN_OTHERS, LATE,
-    REPEATED, TIMELY, PACE,
-) = range(14)  # fmt: skip
+    REPEATED, TIMELY, PACE, FRAMED, FRAME,
+) = range(16)  # fmt: skip
 """Memory per source: ring, newest stamp, offset of its clock, is it silent?, the run of samples
 that were not folded (kind, first and last stamp, number, timely samples at its start), counters,
-its usual interval (where rows are cut at holes)."""
+its usual interval (where rows are cut at holes), the column that numbers the frame it is told in
+(-1: none does), and the frame of the newest sample taken."""
 OK, ABSENT, HELD, UNSEEN, ERROR = 0, 1, 2, 3, 6
 
 
@@ -46,6 +47,33 @@ def acted(
         return held
     total += wrapped(value - held, turns) * (end - since)
     return float(wrapped(held + total / (end - begin), turns))
+
+
+@njit(cache=True, error_model="numpy")
+def leaves_frame(sources: Any, values: Any, s: int, place: int) -> bool:
+    """Is a sample that waits told in another frame than the newest one taken of its source?"""
+    frame = values[s, place, sources[s, FRAMED]] if sources[s, FRAMED] >= 0 else np.nan
+    return bool(frame == frame and int(frame) != sources[s, FRAME])
+
+
+@njit(cache=True, error_model="numpy")
+def take_frame(sources: Any, values: Any, s: int, place: int) -> None:
+    """The frame of a sample that is taken."""
+    if leaves_frame(sources, values, s, place):
+        sources[s, FRAME] = int(values[s, place, sources[s, FRAMED]])
+
+
+@njit(cache=True, error_model="numpy")
+def borders(sources: Any, times: Any, values: Any, until: int) -> bool:
+    """Does a source go on in another frame up to ``until``? No state is carried over there."""
+    for s in range(sources.shape[0]):
+        for m in range(sources[s, COUNT] if sources[s, FRAMED] >= 0 else 0):
+            place = (sources[s, HEAD] + m) % times.shape[1]
+            if times[s, place] > until:
+                break
+            if leaves_frame(sources, values, s, place):
+                return True
+    return False
 
 
 @njit(cache=True, error_model="numpy")
@@ -77,7 +105,7 @@ def between(
         value = values[s, place, channels[k, COLUMN]]
         if np.isfinite(value):
             width = times[s, place] - known_t[k]
-            if width > gap:
+            if width > gap or leaves_frame(sources, values, s, place):
                 return np.nan, ABSENT
             part = (stamp - known_t[k]) / width
             level = UNSEEN if is_hole(sources[s, PACE], width) else HELD

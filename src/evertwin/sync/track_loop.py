@@ -325,9 +325,11 @@ def run(
         if taken and nx > 0:
             call(observe, c, a, take_at)
             if matter[at.OWNER] > 0:
+                # where a base starts, which way it goes is no question of a factor
+                begins = matter[at.HOW] == STARTED and matter[at.SINCE] == now[0]
                 for k in range(members.shape[1]):
                     j = members[matter[at.OWNER] - 1, k]
-                    if j >= 0:
+                    if j >= 0 and not (begins and settings[0][j, at.ANGLE] > 0):
                         take[j] = np.nan
                 call(observe, c, beside.ctypes.data, take_at)
         for g in range(ng if nx > 0 else 0):
