@@ -17,6 +17,7 @@ symmetry) the one that predicts held-out folds best is taken.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -142,18 +143,38 @@ def started(stack: Stack, evidence: Evidence) -> Stack:
 
 
 def settled(stack: Stack, parts: Sequence[int], evidence: Evidence) -> Stack:
-    """With every number of these parts that changes nothing at its neutral value."""
-    neutral = stack.model.parameters.values
+    """With every number of these parts that changes nothing at its neutral value, the others of its
+    part fitted beside it."""
     enough = (1.0 + max(SAME, 1.0 / evidence.segments)) * _mean(stack, evidence)
-    for k in parts:
-        first = stack.first(k)
-        for place in reversed(range(first, first + len(stack.parts[k].values))):
-            p = stack.p.copy()
-            p[place] = neutral[place]
-            without = stack.with_p(p)
-            if _mean(without, evidence) <= enough:
-                stack = without
+    while found := [
+        (_mean(less, evidence), number, less)
+        for number, less in enumerate(_neutral(stack, parts, evidence))
+    ]:
+        least, _, less = min(found)
+        if least > enough:
+            break
+        stack = less
     return stack
+
+
+def _neutral(stack: Stack, parts: Sequence[int], evidence: Evidence) -> Iterator[Stack]:
+    """With each number of these parts that is not neutral made so, and those of its part anew."""
+    neutral, p = stack.model.parameters.values, stack.p
+    for k in parts:
+        first, part = stack.first(k), stack.parts[k]
+        for i in reversed(range(len(part.values))):
+            if p[first + i] == neutral[first + i]:
+                continue
+            q = p.copy()
+            q[first + i] = neutral[first + i]
+            less = stack.with_p(q)
+            own = slice(first, first + len(part.values))
+            fixed = {*part.fixed, *np.flatnonzero(q[own] == neutral[own]).tolist()}
+            if part.low and len(fixed) < len(part.values):
+                kept = replace(less.parts[k], fixed=tuple(sorted(fixed)))
+                less = replace(less, parts=(*less.parts[:k], kept, *less.parts[k + 1 :]))
+                less = anew(less, (k,), evidence)
+            yield less
 
 
 def _mean(stack: Stack, evidence: Evidence) -> float:
