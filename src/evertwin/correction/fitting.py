@@ -144,25 +144,24 @@ def started(stack: Stack, evidence: Evidence) -> Stack:
 
 def settled(stack: Stack, parts: Sequence[int], evidence: Evidence) -> Stack:
     """With every number of these parts that changes nothing at its neutral value, the others of its
-    part fitted beside it."""
+    part fitted beside it; first those whose cost has steps, such as a delay beside a lag."""
     enough = (1.0 + max(SAME, 1.0 / evidence.segments)) * _mean(stack, evidence)
-    while found := [
-        (_mean(less, evidence), number, less)
-        for number, less in enumerate(_neutral(stack, parts, evidence))
-    ]:
-        least, _, less = min(found)
-        if least > enough:
-            break
-        stack = less
-    return stack
+    while True:
+        tried = [(later, _mean(one, evidence), one) for later, one in _less(stack, parts, evidence)]
+        if not (found := [one for one in tried if one[1] <= enough]):
+            return stack
+        stack = min(found, key=lambda one: one[:2])[2]
 
 
-def _neutral(stack: Stack, parts: Sequence[int], evidence: Evidence) -> Iterator[Stack]:
-    """With each number of these parts that is not neutral made so, and those of its part anew."""
+def _less(stack: Stack, parts: Sequence[int], evidence: Evidence) -> Iterator[tuple[bool, Stack]]:
+    """With each number of these parts that is not neutral made so, and those of its part anew; has
+    its cost no steps, or no slope?"""
     neutral, p = stack.model.parameters.values, stack.p
     for k in parts:
         first, part = stack.first(k), stack.parts[k]
-        for i in reversed(range(len(part.values))):
+        stepped = {*part.kind.steps} - {*part.kind.slopeless}
+        names = [one.name for one in part.kind.parameters(part.term, "1", "1")]
+        for i, name in enumerate(names):
             if p[first + i] == neutral[first + i]:
                 continue
             q = p.copy()
@@ -174,7 +173,7 @@ def _neutral(stack: Stack, parts: Sequence[int], evidence: Evidence) -> Iterator
                 kept = replace(less.parts[k], fixed=tuple(sorted(fixed)))
                 less = replace(less, parts=(*less.parts[:k], kept, *less.parts[k + 1 :]))
                 less = anew(less, (k,), evidence)
-            yield less
+            yield name not in stepped, less
 
 
 def _mean(stack: Stack, evidence: Evidence) -> float:

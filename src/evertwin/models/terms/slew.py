@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import product
 from typing import Any
 
 from evertwin.compiled.functions import njit
@@ -122,26 +123,22 @@ class Slew(CorrectionTerm):
         return [Channel(f"slew{number}.begun", "1"), *names]
 
     def propose(self, rows: Rows) -> Iterator[Candidate]:
-        found = [(Term(self.kind, c), rows.reach[c], 0.0, (0.0,)) for c in rows.chosen]
+        found = [(Term(self.kind, c), rows.reach[c], 0.0) for c in rows.chosen]
         if base := wheeled(rows):
             v, w, fast, lever = base
-            found.append((Term(self.kind, v, w), fast, lever, SHARES))
-        for term, reach, lever, shares in found:
-            fast, track = reach / rows.horizon, [lever] * bool(term.source)
-            # one that takes no row longer is as well a lag
-            most = max(reach / rows.step, 4.0 * fast)
+            found.append((Term(self.kind, v, w), fast, lever))
+        for term, reach, lever in found:
+            fast = reach / rows.horizon
+            most = max(reach / rows.step, 4.0 * fast)  # one that takes no row longer is like a lag
+            track = [share * lever for share in SHARES], 0.02 * lever, 3.0 * lever, 0.05 * lever
+            rate = [fast / time for time in STARTS], 0.02 * fast, most, 0.1 * fast
             for variant in self.variants:
-                down, many = [1.0] * bool(variant), bool(variant)
+                richer = bool(term.source), bool(variant)
+                columns = [*[track] * richer[0], rate, *[([1.0], *BRAKING, 0.2)] * richer[1]]
+                starts, low, high, typical = zip(*columns, strict=True)
                 yield Candidate(
-                    replace(term, variant=variant), SIMPLE,
-                    tuple(
-                        (*(share * one for one in track), fast / time, *down)
-                        for share in shares for time in STARTS
-                    ),
-                    (*(0.02 * one for one in track), 0.02 * fast, *BRAKING[:1] * many),
-                    (*(3.0 * one for one in track), most, *BRAKING[1:] * many),
-                    (*(0.05 * one for one in track), 0.1 * fast, *(0.2,) * many),
-                    replaces=(self.kind,) * (many or bool(term.source)),
+                    replace(term, variant=variant), SIMPLE, tuple(product(*starts)), low, high,
+                    typical, replaces=(self.kind,) * any(richer),
                 )  # fmt: skip
 
     def say(self, term: Term, values: Sequence[float], unit: str, intervals: Intervals) -> str:
