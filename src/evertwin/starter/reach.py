@@ -66,19 +66,21 @@ def between(
     """
     if not len(model.states):
         return np.zeros(len(model.outputs))
-    late, ahead = (_delayed(model, p, windows, one) for one in (0.0, horizon))
-    made = np.sqrt(np.nanmean(np.square(ahead[1]), axis=0))
-    return np.asarray(made * _apart(*late, level) / math.sqrt(3.0))
+    made = np.sqrt(np.nanmean(np.square(_moved(model, p, windows, horizon, 1)[1]), axis=0))
+    apart = (_apart(*_moved(model, p, windows, 1e-9, rows), level) for rows in (1, -1))
+    return np.asarray(made * max(apart) / math.sqrt(3.0))
 
 
-def _delayed(
-    model: Model, p: ParameterVector, windows: Sequence[Block], horizon: float
+def _moved(
+    model: Model, p: ParameterVector, windows: Sequence[Block], horizon: float, rows: int
 ) -> tuple[Outputs, Outputs]:
-    """What predictions are off by, and what a row more of delay makes of them, (n, ny) each."""
+    """What predictions are off by, and what commands that come rows later make of them, (n, ny)
+    each."""
     off, made = list[Outputs](), list[Outputs]()
     for window in windows:
-        later = window._replace(u=np.concatenate([window.u[:1], window.u[:-1]]))
-        now, then = (changes(model, p, rows, max(horizon, 1e-9)) for rows in (window, later))
+        at = np.clip(np.arange(len(window.u)) - rows, 0, len(window.u) - 1)
+        both = (window, window._replace(u=window.u[at]))
+        now, then = (changes(model, p, some, horizon) for some in both)
         off.append(wrap(now.measured - now.predicted, model.outputs.angles))
         made.append(wrap(then.predicted - now.predicted, model.outputs.angles))
     return np.concatenate(off), np.concatenate(made)
