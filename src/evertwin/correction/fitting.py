@@ -143,37 +143,25 @@ def started(stack: Stack, evidence: Evidence) -> Stack:
 
 
 def settled(stack: Stack, parts: Sequence[int], evidence: Evidence) -> Stack:
-    """With every number of these parts that changes nothing at its neutral value, the others of its
-    part fitted beside it; first those whose cost has steps, such as a delay beside a lag."""
+    """With every number of these parts that changes nothing at its neutral value. A delay goes
+    first, with the lag beside it fitted anew: each makes up for the other."""
+    neutral = stack.model.parameters.values
     enough = (1.0 + max(SAME, 1.0 / evidence.segments)) * _mean(stack, evidence)
-    while True:
-        tried = [(later, _mean(one, evidence), one) for later, one in _less(stack, parts, evidence)]
-        if not (found := [one for one in tried if one[1] <= enough]):
-            return stack
-        stack = min(found, key=lambda one: one[:2])[2]
-
-
-def _less(stack: Stack, parts: Sequence[int], evidence: Evidence) -> Iterator[tuple[bool, Stack]]:
-    """With each number of these parts that is not neutral made so, and those of its part anew; has
-    its cost no steps, or no slope?"""
-    neutral, p = stack.model.parameters.values, stack.p
     for k in parts:
         first, part = stack.first(k), stack.parts[k]
-        stepped = {*part.kind.steps} - {*part.kind.slopeless}
         names = [one.name for one in part.kind.parameters(part.term, "1", "1")]
-        for i, name in enumerate(names):
-            if p[first + i] == neutral[first + i]:
-                continue
-            q = p.copy()
-            q[first + i] = neutral[first + i]
-            less = stack.with_p(q)
-            own = slice(first, first + len(part.values))
-            fixed = {*part.fixed, *np.flatnonzero(q[own] == neutral[own]).tolist()}
-            if part.low and len(fixed) < len(part.values):
-                kept = replace(less.parts[k], fixed=tuple(sorted(fixed)))
-                less = replace(less, parts=(*less.parts[:k], kept, *less.parts[k + 1 :]))
-                less = anew(less, (k,), evidence)
-            yield name not in stepped, less
+        delays = {*part.kind.steps} - {*part.kind.slopeless}
+        for i in sorted(range(len(names)), key=lambda at: (names[at] not in delays, -at)):
+            p = stack.p.copy()
+            p[first + i] = neutral[first + i]
+            without = stack.with_p(p)
+            if names[i] in delays and part.low and len(names) > 1:
+                kept = replace(without.parts[k], fixed=(*part.fixed, i))
+                held = replace(without, parts=(*stack.parts[:k], kept, *stack.parts[k + 1 :]))
+                without = anew(held, (k,), evidence)
+            if _mean(without, evidence) <= enough:
+                stack = without
+    return stack
 
 
 def _mean(stack: Stack, evidence: Evidence) -> float:
