@@ -45,7 +45,7 @@ def ramp(now: float, goal: float, rate: float, dt: float) -> tuple[float, float,
     """(what is reached, its sum over time, time left) on the way to a goal."""
     way = goal - now
     if abs(way) > rate * dt:
-        end = now + math.copysign(rate * dt, way)
+        end = now + rate * dt if way > 0.0 else now - rate * dt
         return end, 0.5 * (now + end) * dt, 0.0
     took = abs(way) / rate if rate > 0.0 else 0.0
     return goal, 0.5 * (now + goal) * took, dt - took
