@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -51,6 +53,34 @@ def on_wheels(seed: int, left: float, right: float, track: float = 0.4) -> Block
     u = held(rng, (0.4, 1.0))
     a, b = u[:, 0] - 0.5 * track * u[:, 1], u[:, 0] + 0.5 * track * u[:, 1]
     a, b = np.where(np.abs(a) > left, a, 0.0), np.where(np.abs(b) > right, b, 0.0)
+    return moved(rng, u, a, b, track)
+
+
+def limited(command: np.ndarray, rate: float, braking: float = 1.0, tau: float = 0.0) -> np.ndarray:
+    """Mean speed over each row of a drive that takes time for a change, and lags behind by tau."""
+    fine, now, behind, out = 40, 0.0, 0.0, []
+    step = DT / fine
+    for goal in np.repeat(command, fine).tolist():
+        slows = now * goal < 0.0 or abs(goal) < abs(now)
+        way = rate * (braking if slows else 1.0) * step
+        now += float(np.clip(goal - now, -way, way))
+        behind += (now - behind) * (1.0 - np.exp(-step / tau) if tau else 1.0)
+        out.append(behind)
+    return np.reshape(out, (-1, fine)).mean(axis=1)
+
+
+def on_slow_wheels(seed: int, rate: float, braking: float, tau: float) -> Block:
+    """A base whose wheels take time for a change of their speeds."""
+    rng = np.random.default_rng(seed)
+    u = held(rng, (0.4, 1.0), 40)
+    wheels = (u[:, 0] + side * 0.2 * u[:, 1] for side in (-1.0, 1.0))
+    return moved(rng, u, *(limited(one, rate, braking, tau) for one in wheels), 0.4)
+
+
+def moved(
+    rng: np.random.Generator, u: np.ndarray, a: np.ndarray, b: np.ndarray, track: float
+) -> Block:
+    """The recording of a base whose left and right wheel go at these speeds."""
     v, turn = 0.5 * (a + b), DT * (b - a) / track
     heading = np.cumsum(turn)
     way = DT * v * np.stack([np.cos(heading - 0.5 * turn), np.sin(heading - 0.5 * turn)])
@@ -123,3 +153,35 @@ def test_a_threshold_that_was_known_badly_is_brought_back() -> None:
     assert found[3:5] == pytest.approx([1.0, 1.0], rel=0.05)
     bare = np.array([1.0])
     assert slid_numbers(Robot1D(), Form(), bare, rows, 1.0) is bare
+
+
+@first_of(
+    ("braking", "tau", "seed"),
+    [(a, b, s) for a, b in ((1.0, 0.3), (1.0, 0.0), (2.5, 0.0)) for s in range(4)],
+)
+def test_a_rate_limit_of_each_wheel_is_told_with_its_lag(
+    braking: float, tau: float, seed: int
+) -> None:
+    rows = on_slow_wheels(seed, 0.25, braking, tau)
+    found = improve(Differential(), Form(), (rows,), 1.0, Selection(("lag", "slew")))
+    shape = "braking" if braking != 1.0 else ""
+    terms = [Term("slew", "v", "w", shape), *[Term("lag", "*")] * (tau > 0.0)]
+    assert [replace(term, levels=()) for term in found.form.terms] == terms
+    p = numbers(found)
+    assert p["slew.v.w.track"] == pytest.approx(0.4, rel=0.1)
+    assert p["slew.v.w.rate"] == pytest.approx(0.25, rel=0.05)
+    assert p.get("slew.v.w.braking", 1.0) == pytest.approx(braking, rel=0.15)
+    assert p.get("lag.tau", 0.0) + p.get("lag.delay", 0.0) == pytest.approx(tau, abs=0.03)
+
+
+@first_of("seed", range(4))
+def test_a_lag_within_a_row_is_no_delay_and_no_rate_limit(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    u = held(rng, (0.2,))
+    y = DT * limited(u[:, 0], 1e3, tau=0.1).cumsum() + rng.normal(0.0, 1e-3, len(u))
+    rows = (recorded(u, y[:, None]),)
+    found = improve(Robot1D(), Form(), rows, 1.0, Selection(("lag", "slew"), least=10))
+    assert [term.kind for term in found.form.terms] == ["lag"]
+    p = numbers(found)
+    assert p["lag.delay"] == 0.0
+    assert p["lag.tau"] == pytest.approx(0.1, abs=0.01)

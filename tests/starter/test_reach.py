@@ -25,10 +25,27 @@ def driven(seed: int, noise: float, rows: int = 600, step: float = 0.2) -> list[
     return [t, v, w, *pose]
 
 
-def asked(folder: Path, seed: int, noise: float) -> float:
-    rows = np.column_stack(driven(seed, noise))
+def told(seed: int, on_rows: bool, step: float = 0.2, fine: int = 20) -> list[np.ndarray]:
+    """A base that lags 0.05 s, whose commands come with the rows, or at any time between two."""
+    rng, n = np.random.default_rng(seed), 500 * fine
+    last = rng.integers(60, 300, n) // fine * fine if on_rows else rng.integers(60, 300, n)
+    v = np.repeat(rng.uniform(-0.4, 0.6, n), last)[:n]
+    w = np.repeat(rng.uniform(-0.4, 0.4, n), last)[:n]
+    speed, rest = np.zeros(n), 0.0
+    for k, command in enumerate(v.tolist()):
+        rest += (command - rest) * (1.0 - np.exp(-step / fine / 0.05))
+        speed[k] = rest
+    way = step / fine * np.array([speed, w])
+    heading = np.cumsum(way[1]) - way[1]
+    x, y = (np.cumsum(way[0] * f(heading)) - way[0] * f(heading) for f in (np.cos, np.sin))
+    columns = [np.arange(n) * step / fine, v, w, x, y, heading]
+    t, v, w, *pose = (column[::fine] for column in columns)
+    return [t, v, w, *(c + rng.normal(0.0, 0.002, len(t)) for c in pose)]
+
+
+def asked(folder: Path, rows: list[np.ndarray]) -> float:
     text = ["t [s],v_cmd [m/s],w_cmd [rad/s],x [m],y [m],heading [rad]"]
-    text += [",".join(f"{value:.5f}" for value in row) for row in rows]
+    text += [",".join(f"{value:.5f}" for value in row) for row in zip(*rows, strict=True)]
     (folder / "run.csv").write_text("\n".join(text) + "\n")
     write_starter([folder / "run.csv"], folder / "new.toml", ("", None), True, False)
     found = re.search(r"^requirement = (\S+)", (folder / "new.toml").read_text(), re.M)
@@ -41,13 +58,21 @@ def asked(folder: Path, seed: int, noise: float) -> float:
 def test_less_than_noise_makes_is_not_asked(
     seed: int, noise: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert 1.1 * np.sqrt(2.0) * noise < asked(tmp_path, seed, noise) < 4.0 * noise
+    assert 1.1 * np.sqrt(2.0) * noise < asked(tmp_path, driven(seed, noise)) < 4.0 * noise
 
 
 def test_without_noise_it_is_a_share_of_the_way_or_what_rows_let_tell(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert 0.0 < asked(tmp_path, 0, 1e-5) < 0.03
+    assert 0.0 < asked(tmp_path, driven(0, 1e-5)) < 0.03
+
+
+@first_of("seed", range(6))
+def test_commands_that_come_with_the_rows_leave_noise_alone(
+    seed: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert asked(tmp_path, told(seed, on_rows=True)) <= 0.02
+    assert asked(tmp_path, told(seed, on_rows=False)) >= 0.03
 
 
 def held(folder: Path, seed: int, alive: float) -> float:

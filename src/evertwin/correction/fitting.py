@@ -17,6 +17,7 @@ symmetry) the one that predicts held-out folds best is taken.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -142,15 +143,22 @@ def started(stack: Stack, evidence: Evidence) -> Stack:
 
 
 def settled(stack: Stack, parts: Sequence[int], evidence: Evidence) -> Stack:
-    """With every number of these parts that changes nothing at its neutral value."""
+    """With every number of these parts that changes nothing at its neutral value. A delay goes
+    first, with the lag beside it fitted anew: each makes up for the other."""
     neutral = stack.model.parameters.values
     enough = (1.0 + max(SAME, 1.0 / evidence.segments)) * _mean(stack, evidence)
     for k in parts:
-        first = stack.first(k)
-        for place in reversed(range(first, first + len(stack.parts[k].values))):
+        first, part = stack.first(k), stack.parts[k]
+        names = [one.name for one in part.kind.parameters(part.term, "1", "1")]
+        delays = {*part.kind.steps} - {*part.kind.slopeless}
+        for i in sorted(range(len(names)), key=lambda at: (names[at] not in delays, -at)):
             p = stack.p.copy()
-            p[place] = neutral[place]
+            p[first + i] = neutral[first + i]
             without = stack.with_p(p)
+            if names[i] in delays and part.low and len(names) > 1:
+                kept = replace(without.parts[k], fixed=(*part.fixed, i))
+                held = replace(without, parts=(*stack.parts[:k], kept, *stack.parts[k + 1 :]))
+                without = anew(held, (k,), evidence)
             if _mean(without, evidence) <= enough:
                 stack = without
     return stack

@@ -396,4 +396,4 @@ def _said(stack: Stack, term: Term, detail: str) -> str:
 
 
 def _label(option: _Option) -> str:
-    return " ".join(p for p in (*option.candidate.key, option.candidate.term.variant) if p)
+    return " ".join(p for p in option.candidate.key if p)

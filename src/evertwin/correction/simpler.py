@@ -17,10 +17,12 @@ comes: of forms that both pay, the simplest within one standard error of the bes
 def simpler(
     now: Scored, k: int, candidates: Sequence[Candidate], evidence: Evidence
 ) -> tuple[Candidate, Scored] | None:
-    """The best candidate of the plain kind in place of part ``k``; None: there is none."""
+    """The best candidate of the plain kind, with fewer numbers if that is its own, in place of part
+    ``k``; None: there is none."""
     part, found = now.stack.parts[k], list[tuple[Candidate, Scored]]()
     for one in candidates:
-        if one.term.kind == part.kind.plain and one.term.channel == part.term.channel:
+        plain = one.term.kind == part.kind.plain and one.term.channel == part.term.channel
+        if plain and (one.term.kind != part.term.kind or len(one.low) < len(part.values)):
             found.append((one, fit_candidate(now.stack.without(k), one, evidence)))
     if not found:
         return None

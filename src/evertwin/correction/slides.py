@@ -46,10 +46,8 @@ def slid_numbers(
     """
     stack = stack_of(model, form, p)
     rows = Rows(stack.base, tuple(windows), tuple(channels), horizon)
-    known = {
-        (*one.key, one.term.variant): one
-        for one in propose(rows, tuple(dict.fromkeys(term.kind for term in form.terms)))
-    }
+    kinds = tuple(dict.fromkeys(term.kind for term in form.terms))
+    known = {one.key: one for one in propose(rows, kinds)}
     parts, some = list(stack.parts), list[int]()
     for k, part in enumerate(parts):
         term = part.term

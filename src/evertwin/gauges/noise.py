@@ -27,7 +27,6 @@ from evertwin.rows.alignment import apart
 from evertwin.rows.ring import called
 from evertwin.setup.evaluation import off_after
 from evertwin.setup.setup import Setup
-from evertwin.signals import wrap
 from evertwin.tuning import Fit, Problem
 from evertwin.types import Bools, Int64, Outputs, ParameterVector, PerOutput, Vector
 
@@ -105,21 +104,6 @@ def floor(setup: Setup, level: Vector, windows: Sequence[Block]) -> Vector:
     found = passed * level * np.where(setup.adopts, math.sqrt(2), 1.0)
     size = setup.sizes(np.concatenate([np.where(setup.moving(w.u), w.y, np.nan) for w in windows]))
     return np.asarray(np.divide(found, size, out=np.zeros_like(found), where=size > 0.0))
-
-
-def between(setup: Setup, model: Model, p: ParameterVector, windows: Iterable[Block]) -> Vector:
-    """Rms of what each output is off by as an input changes somewhere between two rows, which do
-    not tell when, (ny,): what anything up to a row more of delay makes over the horizon."""
-    off = list[Outputs]()
-    for window in windows if len(model.states) else ():
-        later = window._replace(u=np.concatenate([window.u[:1], window.u[:-1]]))
-        a, b = (changes(model, p, rows, setup.horizon).predicted for rows in (window, later))
-        off.append(wrap(a - b, model.outputs.angles))
-    if not off:
-        return np.zeros(len(model.outputs))
-    squares = np.square(np.concatenate(off))
-    return np.asarray(np.sqrt(np.nansum(squares, axis=0) / np.maximum(
-        np.isfinite(squares).sum(axis=0), 1) / 3.0))  # fmt: skip
 
 
 class Buried(NamedTuple):

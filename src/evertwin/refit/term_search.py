@@ -168,13 +168,17 @@ def _starts(
     values = dict(zip(proposal.names, proposal.p.tolist(), strict=True))
     corrected, found = Corrected(setup.model, proposal.form.terms), list[dict[str, float]]()
     for number, term in enumerate(proposal.form.terms):
-        candidate = general.get((term.kind, term.channel, term.source))
+        candidate = general.get((term.kind, term.channel, term.source, term.variant))
         names = corrected.names_of(number)
         if candidate is None or len(candidate.low) != len(names):
             continue
-        for name, low, size in zip(names, candidate.low, candidate.typical, strict=True):
+        # what no fit tunes stays as it was found
+        free = [corrected.parameters[name].editable for name in names]
+        columns = zip(names, free, candidate.low, candidate.typical, strict=True)
+        for name, low, size in ((n, low, size) for n, tuned, low, size in columns if tuned):
             values[name] = max(values[name], low + 0.01 * size)
-        found += [dict(zip(names, start, strict=True)) for start in candidate.starts]
+        starts = (zip(names, free, start, strict=True) for start in candidate.starts)
+        found += [{name: value for name, on, value in start if on} for start in starts]
     return [values, *(values | start for start in found)]
 
 

@@ -80,7 +80,7 @@ def sought(setup: Setup, work: Work, without: Formed, horizon: float) -> Formed:
     now, tried = first, dict[str, float]()
     for _ in range(MOST):
         there = {(t.kind, t.channel, t.source) for t in formed.form.terms}
-        rest = [c for c in candidates if c.key not in there]
+        rest = [c for c in candidates if c.key[:3] not in there]
         options = [_with(setup, work, (formed, now), candidate) for candidate in rest]
         gains = [_gain(now, option, asked) for option in options]
         tried = dict(zip(map(_label, rest), gains, strict=True)) | tried
@@ -105,7 +105,7 @@ def sought(setup: Setup, work: Work, without: Formed, horizon: float) -> Formed:
 
 
 def _label(candidate: Candidate) -> str:
-    return " ".join(filter(None, (*candidate.key, candidate.term.variant)))
+    return " ".join(filter(None, candidate.key))
 
 
 def _now(formed: Formed) -> _Option:

@@ -1,6 +1,9 @@
-"""What no model of recordings can foretell: noise, and how far apart rows are."""
+"""What no model of recordings can foretell: noise, and commands that change between two rows."""
 
 from __future__ import annotations
+
+import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -8,12 +11,22 @@ from evertwin.config.spec import TwinSpec
 from evertwin.errors import DataError, ModelError
 from evertwin.fold import Block
 from evertwin.fold.block import first
-from evertwin.gauges.noise import between, noise
+from evertwin.gauges.noise import noise
+from evertwin.gauges.unlike import changes
+from evertwin.models import Model
 from evertwin.refit.workers import setup_of
 from evertwin.rows.feed import Feed
+from evertwin.signals import wrap
+from evertwin.types import Outputs, ParameterVector, Vector
 
 ROWS = 20_000
 """Rows that it is told from."""
+CHANGES = 20
+"""Changes of the commands below which it is not told when these come."""
+PLAIN = 3.0
+"""Times the noise that a row more of delay makes of a row, from which on its change counts."""
+QUARTER = 0.25
+"""Median distance of a uniform variate within [0, 1] from its median."""
 
 
 def unforeseen(spec: TwinSpec) -> float:
@@ -33,9 +46,56 @@ def unforeseen(spec: TwinSpec) -> float:
             if count >= ROWS:
                 break
         rows = first(tuple(windows), ROWS)
-        level = noise(setup, model, p, rows) * np.where(setup.adopts, np.sqrt(2.0), 1.0)
-        found = np.hypot(np.nan_to_num(level), between(setup, model, p, rows))
+        level = np.nan_to_num(noise(setup, model, p, rows)) * np.where(setup.adopts, 2**0.5, 1.0)
+        found = np.hypot(level, between(model, p, rows, setup.horizon, level))
     except (DataError, ModelError):  # the file is written all the same
         return 0.0
     known = found[setup.watched & np.isfinite(found)]
     return float(known.max(initial=0.0))
+
+
+def between(
+    model: Model, p: ParameterVector, windows: Sequence[Block], horizon: float, level: Vector
+) -> Vector:
+    """Rms of what each output is off by where commands change between two rows, which do not tell
+    when, (ny,): of what a row more of delay makes over the horizon, as much as they come at times
+    of their own after the row that tells of them.
+
+    Args:
+        level: of noise in a prediction, (ny,).
+    """
+    if not len(model.states):
+        return np.zeros(len(model.outputs))
+    made = np.sqrt(np.nanmean(np.square(_moved(model, p, windows, horizon, 1)[1]), axis=0))
+    apart = (_apart(*_moved(model, p, windows, 1e-9, rows), level) for rows in (1, -1))
+    return np.asarray(made * max(apart) / math.sqrt(3.0))
+
+
+def _moved(
+    model: Model, p: ParameterVector, windows: Sequence[Block], horizon: float, rows: int
+) -> tuple[Outputs, Outputs]:
+    """What predictions are off by, and what commands that come rows later make of them, (n, ny)
+    each."""
+    off, made = list[Outputs](), list[Outputs]()
+    for window in windows:
+        at = np.clip(np.arange(len(window.u)) - rows, 0, len(window.u) - 1)
+        both = (window, window._replace(u=window.u[at]))
+        now, then = (changes(model, p, some, horizon) for some in both)
+        off.append(wrap(now.measured - now.predicted, model.outputs.angles))
+        made.append(wrap(then.predicted - now.predicted, model.outputs.angles))
+    return np.concatenate(off), np.concatenate(made)
+
+
+def _apart(off: Outputs, made: Outputs, level: Vector) -> float:
+    """How far apart in a row the commands come, from 0 (all at one time) to 1 (at any time of it):
+    by the scatter of how late each is, in rows, without that of noise; 1 where few tell."""
+    size = np.where(level > 0.0, level, np.inf)
+    off, made = (np.nan_to_num(one / size) for one in (off, made))
+    weight = np.square(made).sum(axis=1)
+    plain = weight > PLAIN**2
+    if np.count_nonzero(plain) < CHANGES:
+        return 1.0
+    late = (off * made).sum(axis=1)[plain] / weight[plain]
+    noisy = 0.6745**2 * np.median(1.0 / weight[plain])
+    scatter = np.median(np.abs(late - np.median(late))) ** 2 - noisy
+    return float(np.clip(math.sqrt(max(scatter, 0.0)) / QUARTER, 0.0, 1.0))

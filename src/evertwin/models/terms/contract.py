@@ -86,7 +86,7 @@ class Candidate:
     """A term and where its fit starts.
 
     >>> Candidate(Term("lag", "*"), SIMPLE, ((0.1, 0.2),), (0, 0), (1, 1), (0.05, 0.05)).key
-    ('lag', '*', '')
+    ('lag', '*', '', '')
     """
 
     term: Term
@@ -103,9 +103,9 @@ class Candidate:
     """Kinds on its channel whose place it may take."""
 
     @property
-    def key(self) -> tuple[str, str, str]:
-        """Kind and channels: what is tried once per round."""
-        return self.term.kind, self.term.channel, self.term.source
+    def key(self) -> tuple[str, str, str, str]:
+        """Kind, channels and shape: what is tried once per round."""
+        return self.term.kind, self.term.channel, self.term.source, self.term.variant
 
 
 class Prior(NamedTuple):
@@ -139,8 +139,8 @@ class CorrectionTerm(ABC):
     pairs: ClassVar[bool] = False
     """Does it read a second channel?"""
     rank: ClassVar[int] = 0
-    """Place in a stack: 0 for what depends on the row alone, 1 for what remembers it, 2 and 3 for
-    what comes in time, 3 for extra states, too."""
+    """Place in a stack: 0 for what depends on the row alone, 1 for what remembers it, 2 for a
+    rate limit, 3 for a lag behind it, 4 for what comes of the states."""
     linear: ClassVar[bool] = False
     """Does the effective input depend linearly on the parameters? Then it is a `GridTerm`."""
     steps: ClassVar[tuple[str, ...]] = ()

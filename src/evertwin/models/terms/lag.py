@@ -26,7 +26,7 @@ from evertwin.models.terms.contract import (
     told,
 )
 from evertwin.models.terms.kernel import placed
-from evertwin.models.terms.rows import Rows, changes_within
+from evertwin.models.terms.rows import Rows, rows_within
 from evertwin.signals.channels import Channel
 
 CAPACITY = 16
@@ -125,7 +125,7 @@ class Lag(CorrectionTerm):
     'all inputs: delay of 0.1 s and a first-order lag of 0.25 s'
     """
 
-    kind, rank, variants, steps = "lag", 2, ("", "delay"), ("delay",)
+    kind, rank, variants, steps = "lag", 3, ("", "delay"), ("delay",)
     alike = "sensors that tell of the outputs as late would look the same"
     functions = Functions(before)
 
@@ -157,7 +157,7 @@ class Lag(CorrectionTerm):
         """A delay up to the horizon, whose changes are remembered, and a time constant that may be
         longer."""
         horizon, chosen = rows.horizon, rows.chosen
-        capacity = min(changes_within(rows.windows, horizon) + 2, MOST)
+        capacity = min(rows_within(rows.windows, horizon) + 2, MOST)
         starts = tuple((a * horizon, b * horizon) for a, b in STARTS)
         # one that all inputs share first; what an input has beyond it, where there are others
         tiers = {"*": SIMPLE} | dict.fromkeys(chosen if len(rows.model.inputs) > 1 else (), SHAPED)
@@ -173,7 +173,9 @@ class Lag(CorrectionTerm):
         if len(values) > 1:
             said.append(f"a first-order lag of {told('tau', values[1], 's', intervals)}")
         late = values[0] > 0.0 and not nothing("delay", intervals)
-        return f"{who}: {' and '.join(said if late else said[-1:])}"
+        slow = len(values) > 1 and values[1] > 0.0
+        kept = said if late and slow else said[-1:] if slow or not values[0] else said[:1]
+        return f"{who}: {' and '.join(kept)}"
 
 
 KIND = Lag()

@@ -18,10 +18,10 @@ class PoseTerm(CorrectionTerm):
     """Its channel is the whole pose (``*``); the outputs that show it follow.
 
     >>> PoseTerm.rank
-    3
+    4
     """
 
-    rank = 3
+    rank = 4
 
     def check(self, term: Term, model: Model) -> None:
         if min(posed(model.states), posed(model.outputs)) < 0:

@@ -11,10 +11,10 @@ class StateTerm(CorrectionTerm):
     """Its channel is a state; where an output shows that state, the output follows.
 
     >>> StateTerm.rank
-    3
+    4
     """
 
-    rank = 3
+    rank = 4
 
     def channel(self, term: Term, model: Model) -> int:
         return model.states.index(term.channel)

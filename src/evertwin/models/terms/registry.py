@@ -4,7 +4,7 @@ Another package registers a `CorrectionTerm` (an object, not its class) under th
 ``evertwin.terms``, by the kind's own name. A kind is imported when a form or a twin file names it.
 
 >>> kind("lag").rank
-2
+3
 >>> kind("lagg")
 Traceback (most recent call last):
 evertwin.errors.UsageError: no kind of correction term 'lagg', did you mean 'lag'?

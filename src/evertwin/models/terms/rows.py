@@ -83,6 +83,11 @@ class Rows:
         """Finite values of one input."""
         return inputs_of(self.windows, self.model.inputs.index(channel))
 
+    @cached_property
+    def step(self) -> float:
+        """Median time from row to row [s]."""
+        return float(np.median(np.concatenate([w.dt[1:] for w in self.windows])))
+
     @property
     def span(self) -> float:
         """Length of the longest window [s]."""
@@ -159,13 +164,11 @@ def quiet_level(u: Vector) -> float:
     return 0.5 * float(distinct[0]) if 0 < len(distinct) <= DISTINCT else 0.0
 
 
-def changes_within(windows: Sequence[Block], seconds: float) -> int:
-    """The most changes of the inputs in any stretch of ``seconds``: what a lag must remember."""
+def rows_within(windows: Sequence[Block], seconds: float) -> int:
+    """The most rows in any stretch of ``seconds``: what a lag must remember, for a rate limit
+    before it makes each row another one."""
     most = 1
     for window in windows:
-        changed = np.flatnonzero((window.u[1:] != window.u[:-1]).any(axis=1)) + 1
-        t = window.t[changed]
-        if len(t):
-            upto = np.searchsorted(t, t + round(seconds * 1e9), side="right")
-            most = max(most, int((upto - np.arange(len(t))).max()))
+        upto = np.searchsorted(window.t, window.t + round(seconds * 1e9), side="right")
+        most = max(most, int((upto - np.arange(len(window.t))).max()))
     return most

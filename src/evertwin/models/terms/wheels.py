@@ -37,6 +37,16 @@ CAPS = (1.5, 0.75)
 """Caps, by what the fastest wheel is told."""
 
 
+def wheeled(rows: Rows) -> tuple[str, str, float, float] | None:
+    """Speed and turn rate of a base that is told nothing else, its fastest speed, and the distance
+    of wheels that run as fast in its fastest turn; None: it is told something else."""
+    inputs = rows.model.inputs
+    if inputs.units != ("m/s", "rad/s") or not {*inputs.names} <= {*rows.chosen}:
+        return None
+    v, w = inputs.names
+    return v, w, rows.reach[v], 2.0 * rows.reach[v] / rows.reach[w]
+
+
 @njit(cache=True)
 def wheel(speed: float, threshold: float, cap: float) -> float:
     """The law of one wheel."""
@@ -80,13 +90,9 @@ class Wheels(CorrectionTerm):
         return name != "track"
 
     def propose(self, rows: Rows) -> Iterator[Candidate]:
-        """For a base that has no other input than a speed and a turn rate."""
-        inputs = rows.model.inputs
-        if inputs.units != ("m/s", "rad/s") or not {*inputs.names} <= {*rows.chosen}:
+        if not (base := wheeled(rows)):
             return
-        v, w = inputs.names
-        fast = max(rows.reach[v], 1e-9)
-        lever = 2.0 * fast / rows.reach[w]
+        v, w, fast, lever = base
         starts = tuple(
             (share * lever, a * fast, b * fast, *(cap * (1.0 + share) * fast,) * 2)
             for cap in CAPS for share in SHARES for a in STARTS for b in STARTS
