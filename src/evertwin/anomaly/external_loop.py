@@ -25,13 +25,15 @@ into it, must it still be seen calm, on which side was it last, rows of it at re
 a motion but is there at rest, beyond friction, too is no part of that motion. A push begins one.
 Did it come into it with a motion of its own; motions since, off as they began."""
 (
-    SQUARE, BASE, NEAR, SLOW, NOISE, HOLD, USUAL, LEVEL, ROWS, EDGE, TOLD, ALIKE, EXPECTED, FIGURES,
-) = range(14)  # fmt: skip
+    SQUARE, BASE, NEAR, SLOW, NOISE, HOLD, USUAL, LEVEL, ROWS, EDGE, TOLD, ALIKE, EXPECTED, SHORT,
+    LONG, BY_SHORT, BY_LONG, SHORT_SHORT, SHORT_LONG, LONG_LONG, FIGURES,
+) = range(21)  # fmt: skip
 """Places of an output's figures, and how many. Moving: the residual's mean square and mean, its
 mean over a window and that one's mean square. Mean step from row to row; widest friction since it
 was slow; share of motions that began calm. Of the rows that are off in this excursion Σ residual
 and number, and how far the first are from those before; mean level of what was found. Moving: mean
-product of measured and expected, mean square of what was expected."""
+product of measured and expected, mean square of what was expected; what was expected a short and a
+longer moment ago; mean products of the residual with what was expected less that, and of these."""
 (
     NEXT, STATE, START, STAMP, OURS, LATE, FOUND, FIRST, LAST, SAID, BLIND, NEWS, SHARP, OWN,
     WHOSE, PLACES,
@@ -57,6 +59,10 @@ MOSTLY, SELDOM = 0.6, 0.45
 below which it is the machine: what holds it at rest before it breaks loose is no push either."""
 SEVERAL = 3
 """Motions that pass while an output is off as before: what belongs to one ends with it."""
+MOMENTS = (0.125, 0.5)
+"""Parts of a window by which a filter of what is measured, or a clock, may lag."""
+ALONE = 0.99
+"""Squared correlation of both changes from which on one tells no more than the other."""
 AT_ONCE = 0.5
 """Part of its level that an output reaches within half a window, where a motion goes on."""
 
@@ -82,6 +88,48 @@ def weigh(x: float, expected: float, number: Any, figure: Any, rule: Any) -> Non
         by = min(max(x * expected, -FARTHEST * square), FARTHEST * square)
         figure[ALIKE] += (square + by - figure[ALIKE]) / memory
         figure[EXPECTED] += (square - figure[EXPECTED]) / memory
+
+
+@njit(cache=True)
+def lagging(expected: float, n: int, figure: Any) -> tuple[float, float]:
+    """By how much the expected is ahead of what it was a short and a longer moment ago."""
+    short, long = MOMENTS
+    if expected != expected:
+        return np.nan, np.nan
+    if figure[SHORT] == 0.0 and figure[LONG] == 0.0:
+        figure[SHORT] = figure[LONG] = expected
+    figure[SHORT] += (expected - figure[SHORT]) / (1.0 + max(short * n, 1.0))
+    figure[LONG] += (expected - figure[LONG]) / (1.0 + max(long * n, 1.0))
+    return expected - figure[SHORT], expected - figure[LONG]
+
+
+@njit(cache=True)
+def in_time(x: float, ahead: tuple[float, float], number: Any, figure: Any, rule: Any) -> float:
+    """The residual of a moving output without what measuring late leaves of it, where that makes
+    it smaller: that goes with how the expected changes, as nothing from outside does.
+
+    What is usual is learned of the whole residual, so a lag never makes a limit narrower."""
+    a, b = ahead
+    if not (x == x and a == a and b == b):
+        return x
+    aa, ab, bb = figure[SHORT_SHORT], figure[SHORT_LONG], figure[LONG_LONG]
+    free, own = aa * bb - ab * ab, 0.0
+    if free > (1.0 - ALONE) * aa * bb:
+        own = a * (bb * figure[BY_SHORT] - ab * figure[BY_LONG])
+        own = (own + b * (aa * figure[BY_LONG] - ab * figure[BY_SHORT])) / free
+    elif bb > 0.0:
+        own = b * figure[BY_LONG] / bb
+    left = x - own
+    if number[OPEN] == 0:
+        most = np.sqrt(LARGE * figure[SQUARE])
+        weight = most / abs(left) if abs(left) > most else 1.0  # a push tells little
+        weight /= min(max(number[SEEN], 1), rule[2])
+        for place, more in (
+            (BY_SHORT, x * a), (BY_LONG, x * b), (SHORT_SHORT, a * a), (SHORT_LONG, a * b),
+            (LONG_LONG, b * b),
+        ):  # fmt: skip
+            figure[place] += weight * (more - figure[place])
+    return 0.0 if left * x < 0.0 else left if abs(left) < abs(x) else x
 
 
 @njit(cache=True)
@@ -115,8 +163,9 @@ def moved(row: int, moves: bool, v: float, half: float, k: int, n: int, state: A
 
 
 @njit(cache=True)
-def limit_of(e: float, number: Any, figure: Any, times: float, rule: Any) -> float:
-    """How far off an output may be of which ``e`` is expected; infinite where that is not known."""
+def limit_of(e: float, ahead: float, number: Any, figure: Any, times: float, rule: Any) -> float:
+    """How far off an output may be of which ``e`` is expected, ``ahead`` more than a moment ago;
+    infinite where that is not known."""
     form, hold = np.sqrt(figure[SLOW]), figure[HOLD]
     scale = max(times * np.sqrt(figure[SQUARE]), SMOOTH * form)
     known = number[SEEN] >= rule[1]
@@ -124,8 +173,12 @@ def limit_of(e: float, number: Any, figure: Any, times: float, rule: Any) -> flo
     if alike > FAR * expected or expected > FAR * alike:
         return float(np.inf)
     if number[SORT] != 0:
+        grown, pace = 1.0, figure[SHORT_SHORT]
         if e * e > expected > 0.0:  # errors of a model, of a scale, grow with what it says
-            scale *= np.sqrt(e * e / expected)
+            grown = e * e / expected
+        if ahead * ahead > pace > 0.0:  # and those of its inputs with how fast that changes
+            grown = max(grown, ahead * ahead / pace)
+        scale *= np.sqrt(grown)
         return float(scale if known else np.inf)
     rests = number[WAY] == 0 and number[RUN] >= rule[3]
     if hold <= SURELY * figure[NOISE] or hold < form or not (known or rests):
@@ -262,13 +315,16 @@ def watch(
             if moving[i, k]:
                 weigh(x, expected[i, k], number, figure, rule)
             moved(row + i, moving[i, k], v[i, k], half[i, k], k, n, state)
-            limit = limit_of(expected[i, k], number, figure, times, rule)
+            ahead = lagging(expected[i, k], n, figure)
+            limit = limit_of(expected[i, k], ahead[0], number, figure, times, rule)
             if not moving[i, k] and machine[BLIND] >= 0:  # below: it was said
                 machine[BLIND] = max(machine[BLIND] + (1 if limit == np.inf else -1), 0)
-            side, base = 0, figure[BASE] if number[SORT] != 0 else 0.0
-            if x == x and abs(x) > limit:
-                side = 1 if x > 0.0 else -1
-                if side * (x - base) <= limit:
+            side, base, left = 0, figure[BASE] if number[SORT] != 0 else 0.0, x
+            if moving[i, k]:
+                left = in_time(x, ahead, number, figure, rule)
+            if left == left and abs(left) > limit:
+                side = 1 if left > 0.0 else -1
+                if side * (left - base) <= limit:
                     side = 0
             before = (machine[NEXT] - 1) % n
             step = abs(x - ring[RESIDUAL, before, k])
