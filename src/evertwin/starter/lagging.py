@@ -98,7 +98,7 @@ def _told(model: Model, values: Float64[np.ndarray, "n channels"], step: float,
     return float(f"{whole:.2g}") if alike else 0.0
 
 
-def _behind(basis: Float64[np.ndarray, "n ny k"], passed: float) -> Float64[np.ndarray, "n ny k"]:
+def _behind(basis: Float64[np.ndarray, "n ny terms"], passed: float) -> Float64[np.ndarray, "n ny terms"]:
     """Behind a first-order low pass, ``passed`` of its time constants from row to row."""
     stay = math.exp(-passed)
     found = scipy.signal.lfilter([1.0 - stay], [1.0, -stay], basis, axis=0, zi=stay * basis[:1])[0]
@@ -121,7 +121,7 @@ def _best(tried: Vector, lefts: Float64[np.ndarray, "tried ny"]) -> float:
     return float(tried[best] * (tried[high] / tried[best]) ** by)
 
 
-def _left(basis: Float64[np.ndarray, "n ny k"], tau: Outputs,
+def _left(basis: Float64[np.ndarray, "n ny terms"], tau: Outputs,
           moving: Bool[np.ndarray, "n ny"]) -> Vector:  # fmt: skip
     """Mean square of each torque that is left, (ny,); NaN where a joint hardly moves."""
     out = np.full(tau.shape[1], np.nan)

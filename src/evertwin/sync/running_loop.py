@@ -13,7 +13,7 @@ from evertwin.types import Vector
 def unwrapped(angle: float, sums: Vector) -> float:
     """The angle without its wraps: it turns by less than half a turn from row to row."""
     if angle != angle:
-        return np.nan
+        return math.nan
     sums[1] = angle if sums[0] == 0.0 else sums[1] + wrapped(angle - sums[1], True)
     sums[0] = 1.0
     return float(sums[1])
