@@ -26,14 +26,15 @@ a motion but is there at rest, beyond friction, too is no part of that motion. A
 Did it come into it with a motion of its own; motions since, off as they began."""
 (
     SQUARE, BASE, NEAR, SLOW, NOISE, HOLD, USUAL, LEVEL, ROWS, EDGE, TOLD, ALIKE, EXPECTED, SHORT,
-    LONG, BY_SHORT, BY_LONG, SHORT_SHORT, SHORT_LONG, LONG_LONG, FIGURES,
-) = range(21)  # fmt: skip
+    LONG, BY_SHORT, BY_LONG, SHORT_SHORT, SHORT_LONG, LONG_LONG, PACED, FOURTH, FIGURES,
+) = range(23)  # fmt: skip
 """Places of an output's figures, and how many. Moving: the residual's mean square and mean, its
 mean over a window and that one's mean square. Mean step from row to row; widest friction since it
 was slow; share of motions that began calm. Of the rows that are off in this excursion Σ residual
 and number, and how far the first are from those before; mean level of what was found. Moving: mean
 product of measured and expected, mean square of what was expected; what was expected a short and a
-longer moment ago; mean products of the residual with what was expected less that, and of these."""
+longer moment ago; mean products of the residual with what was expected less that, and of these; of
+the residual's square with that of the short one, and of this with itself."""
 (
     NEXT, STATE, START, STAMP, OURS, LATE, FOUND, FIRST, LAST, SAID, BLIND, NEWS, SHARP, OWN,
     WHOSE, PLACES,
@@ -63,6 +64,8 @@ MOMENTS = (0.125, 0.5)
 """Parts of a window by which a filter of what is measured, or a clock, may lag."""
 ALONE = 0.99
 """Squared correlation of both changes from which on one tells no more than the other."""
+OF_NOTE = 0.1
+"""Share of the residual's mean square that how the expected changes makes, where that counts."""
 AT_ONCE = 0.5
 """Part of its level that an output reaches within half a window, where a motion goes on."""
 
@@ -113,20 +116,21 @@ def in_time(x: float, ahead: tuple[float, float], number: Any, figure: Any, rule
     if not (x == x and a == a and b == b):
         return x
     aa, ab, bb = figure[SHORT_SHORT], figure[SHORT_LONG], figure[LONG_LONG]
-    free, own = aa * bb - ab * ab, 0.0
+    xa, xb, free, short, long = figure[BY_SHORT], figure[BY_LONG], aa * bb - ab * ab, 0.0, 0.0
     if free > (1.0 - ALONE) * aa * bb:
-        own = a * (bb * figure[BY_SHORT] - ab * figure[BY_LONG])
-        own = (own + b * (aa * figure[BY_LONG] - ab * figure[BY_SHORT])) / free
+        short, long = (bb * xa - ab * xb) / free, (aa * xb - ab * xa) / free
     elif bb > 0.0:
-        own = b * figure[BY_LONG] / bb
+        long = xb / bb
+    own = short * a + long * b if short * xa + long * xb > OF_NOTE * figure[SQUARE] else 0.0
     left = x - own
     if number[OPEN] == 0:
         most = np.sqrt(LARGE * figure[SQUARE])
         weight = most / abs(left) if abs(left) > most else 1.0  # a push tells little
         weight /= min(max(number[SEEN], 1), rule[2])
+        square = min(x * x, LARGE * figure[SQUARE])
         for place, more in (
             (BY_SHORT, x * a), (BY_LONG, x * b), (SHORT_SHORT, a * a), (SHORT_LONG, a * b),
-            (LONG_LONG, b * b),
+            (LONG_LONG, b * b), (PACED, square * a * a), (FOURTH, a * a * a * a),
         ):  # fmt: skip
             figure[place] += weight * (more - figure[place])
     return 0.0 if left * x < 0.0 else left if abs(left) < abs(x) else x
@@ -167,18 +171,20 @@ def limit_of(e: float, ahead: float, number: Any, figure: Any, times: float, rul
     """How far off an output may be of which ``e`` is expected, ``ahead`` more than a moment ago;
     infinite where that is not known."""
     form, hold = np.sqrt(figure[SLOW]), figure[HOLD]
-    scale = max(times * np.sqrt(figure[SQUARE]), SMOOTH * form)
+    pace = figure[SHORT_SHORT]
+    spread, square = figure[FOURTH] - pace * pace, figure[SQUARE]
+    if ahead * ahead > pace and spread > 0.0:  # as far as it was more off where that changes fast
+        more = (figure[PACED] - square * pace) / spread
+        if more * pace > OF_NOTE * square:
+            square += more * (ahead * ahead - pace)
+    scale = max(times * np.sqrt(square), SMOOTH * form)
     known = number[SEEN] >= rule[1]
     alike, expected = figure[ALIKE], figure[EXPECTED]
     if alike > FAR * expected or expected > FAR * alike:
         return float(np.inf)
     if number[SORT] != 0:
-        grown, pace = 1.0, figure[SHORT_SHORT]
         if e * e > expected > 0.0:  # errors of a model, of a scale, grow with what it says
-            grown = e * e / expected
-        if ahead * ahead > pace > 0.0:  # and those of its inputs with how fast that changes
-            grown = max(grown, ahead * ahead / pace)
-        scale *= np.sqrt(grown)
+            scale *= np.sqrt(e * e / expected)
         return float(scale if known else np.inf)
     rests = number[WAY] == 0 and number[RUN] >= rule[3]
     if hold <= SURELY * figure[NOISE] or hold < form or not (known or rests):

@@ -69,7 +69,8 @@ def _values(one: Channel, matches: dict[str, Match], table: Seen, step: float) -
     if one.name in matches:
         match = matches[one.name]
         scale = match.scale if isinstance(match.scale, float) else 1.0
-        return to_si(table.values(match.column) * scale + match.offset, match.unit)
+        found: Vector = to_si(table.values(match.column) * scale + match.offset, match.unit)
+        return found
     before = one.name.replace("qdd", "qd") if "qdd" in one.name else one.name.replace("qd", "q")
     if before == one.name or before not in matches:
         return None
@@ -98,7 +99,9 @@ def _told(model: Model, values: Float64[np.ndarray, "n channels"], step: float,
     return float(f"{whole:.2g}") if alike else 0.0
 
 
-def _behind(basis: Float64[np.ndarray, "n ny terms"], passed: float) -> Float64[np.ndarray, "n ny terms"]:
+def _behind(
+    basis: Float64[np.ndarray, "n ny terms"], passed: float
+) -> Float64[np.ndarray, "n ny terms"]:
     """Behind a first-order low pass, ``passed`` of its time constants from row to row."""
     stay = math.exp(-passed)
     found = scipy.signal.lfilter([1.0 - stay], [1.0, -stay], basis, axis=0, zi=stay * basis[:1])[0]
