@@ -78,7 +78,8 @@ def weigh_anew(limits: Any, values: Any, board: Any, room: Any, size: int, votes
             predicted = expected[i, j] - values[j, at.OFFSET]
             alike += (expected[i, j] + ring[i, j]) * predicted
             square += predicted * predicted
-            off += (ring[i, j] + values[j, at.OFFSET]) ** 2
+            missing = ring[i, j] + values[j, at.OFFSET]
+            off += missing * missing
         share = min(square, votes * values[j, at.EXPECTED])
         if share > 0.0:
             weight = share / (votes * values[j, at.EXPECTED])
