@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+import scipy
 
 from evertwin.anomaly import Contact, External, ExternalState, Seen
 from evertwin.anomaly.external_loop import watch
@@ -264,3 +265,31 @@ def test_machine_code_and_plain_python_give_the_same_bits() -> None:
 
     (a, b), (c, d) = run(watch.plain), run(watch.compiled)
     assert equal(a, c) and (b == d).all() and b.any()
+
+
+def late(seed: int, by: np.ndarray | float = 0.0) -> Seen:
+    """The swings of outputs that now and then rise for a third of a second, measured behind a low
+    pass of 40 ms."""
+    rows, rng = swings(seed=seed), np.random.default_rng(seed)
+    rises = np.zeros(rows.r.shape)
+    for start in np.arange(150, 3900, 330) + rng.integers(0, 100, 12):
+        rises[start : start + 35] += rng.choice([-1.0, 1.0], 2) * 6.0
+    expected = 5.0 * rows.v + scipy.ndimage.gaussian_filter1d(rises, 8.0, axis=0)
+    stay = np.exp(-1.0 / RATE / 0.04)
+    measured = scipy.signal.lfilter([1.0 - stay], [1.0, -stay], expected, axis=0)
+    r = rows.r + np.where(rows.moving, measured - expected + by, 0.0)
+    return rows._replace(r=r, expected=expected)
+
+
+@first_of("seed", range(6))
+def test_what_a_low_pass_leaves_is_no_contact(seed: int) -> None:
+    assert found(late(seed))[0] is None
+
+
+@first_of("seed", range(6))
+def test_a_contact_is_told_beside_a_low_pass(seed: int) -> None:
+    by = np.zeros((4000, 2))
+    by[2420:2460, 0] = 3.0
+    contact, _ = found(late(seed, by))
+    assert contact is not None and contact.outputs == ("a",)
+    assert abs(contact.first - 2420) < STAGE.window

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+import scipy
 
 from evertwin.errors import ConfigError
 from evertwin.fold.state import equal
@@ -25,6 +26,7 @@ ALL = (
     Operation("max", "max", ("x", "y", "z")),
     Operation("scale", "scale", ("z",), value=3.0),
     Operation("whole", "unwrap", ("y",)),
+    Operation("late", "lag", ("y",), value=0.03),
 )
 OUTPUTS = (*(Taken(one.name) for one in ALL), Taken(None))
 DERIVE = Derive(("u", "x", "y", "z"), ALL, (Taken("u", "held"), Taken("z", "step")), OUTPUTS, 100.0)
@@ -80,3 +82,21 @@ def test_an_angle_goes_on_where_it_was_cut() -> None:
     off = (found - turned)[known] / (2 * np.pi)
     np.testing.assert_allclose(off, np.round(off), atol=1e-9)
     np.testing.assert_allclose(off[:3], off[0], atol=1e-9)
+
+
+def test_a_lag_is_a_first_order_low_pass_that_begins_anew_behind_a_gap() -> None:
+    rng, dt, constant = np.random.default_rng(4), 0.01, 0.025
+    x, t = np.cumsum(rng.normal(size=300)), np.arange(300) * 10**7
+    gap = np.isin(np.arange(300), (0, 200))
+    given = Rows(
+        np.arange(300), t, np.full(300, dt), np.zeros((300, 0)), x[:, None],
+        np.zeros((300, 1), np.uint8), np.zeros(300, np.int64), gap,
+    )  # fmt: skip
+    stage = Derive(("x",), (Operation("x", "lag", ("x",), value=constant),), (), (Taken("x"),))
+    state, left, _ = stage.step(stage.init(), given)
+    found = np.concatenate([left.y[:, 0], *(p.y[:, 0] for p in (stage.flush(state)[1],) if p)])
+    stay = np.exp(-dt / constant)
+    for part in (slice(0, 200), slice(200, 300)):
+        start = [stay * x[part][0]]
+        want = scipy.signal.lfilter([1.0 - stay], [1.0, -stay], x[part], zi=start)[0]
+        np.testing.assert_allclose(found[part], want, rtol=1e-12)

@@ -7,6 +7,9 @@ import pytest
 
 from evertwin.fold import Block, Event, make_block
 from evertwin.sync import Arbiter, Rule, Track
+from evertwin.sync import places as at
+from evertwin.sync.factor_loop import weigh
+from evertwin.sync.plausible_loop import in_scale, stands_out
 
 from .machines import store, unicycle
 
@@ -73,3 +76,19 @@ def test_a_unit_that_stays_is_told_until_it_is_back(factor: float) -> None:
         held += ends[:1] >= [2300]
         back += 2300 <= ends[0] < 2320 if ends else 0
     assert min(held, back) >= 18, (held, back)
+
+
+def test_a_friction_that_no_model_knows_is_no_unit() -> None:
+    """A torque of which the model expects what gravity is: now and then friction makes it 8.85
+    times that, as inch pounds would."""
+    rng, limits, values = (
+        np.random.default_rng(2),
+        np.zeros((1, at.TRIED)),
+        np.zeros((1, at.VALUES)),
+    )
+    values[0, at.SQUARE] = np.inf
+    for gravity in 5.0 * np.sin(np.arange(2000) / 90.0):
+        weigh(limits, values, 0, gravity + rng.choice([-4.0, 4.0]), gravity)
+    assert in_scale(limits, values, 0)
+    assert not stands_out(limits, values, 0, 4.0)
+    assert stands_out(limits, values, 0, 7.85 * 4.0)

@@ -176,9 +176,14 @@ class External:
     def step(self, state: ExternalState, rows: Seen) -> tuple[ExternalState, Bools]:
         """More rows, and which of them are marked. Consumes ``state``."""
         marked = np.zeros(len(rows.t), dtype=np.bool_)
-        less = loop.NUMBERS - state.numbers.shape[1]
-        if less > 0:  # of a checkpoint of an older version
-            state = state._replace(numbers=np.pad(state.numbers, ((0, 0), (0, less))))
+        less, fewer = (wide - had.shape[1] for wide, had in (
+            (loop.NUMBERS, state.numbers), (loop.FIGURES, state.figures)
+        ))  # fmt: skip
+        if less > 0 or fewer > 0:  # of a checkpoint of an older version
+            state = state._replace(
+                numbers=np.pad(state.numbers, ((0, 0), (0, less))),
+                figures=np.pad(state.figures, ((0, 0), (0, fewer))),
+            )
         if self.longest > 0:
             loop.watch(*rows, self.times, self.rule, state.ring, tuple(state[1:]), marked)
         return state, marked

@@ -25,13 +25,16 @@ into it, must it still be seen calm, on which side was it last, rows of it at re
 a motion but is there at rest, beyond friction, too is no part of that motion. A push begins one.
 Did it come into it with a motion of its own; motions since, off as they began."""
 (
-    SQUARE, BASE, NEAR, SLOW, NOISE, HOLD, USUAL, LEVEL, ROWS, EDGE, TOLD, ALIKE, EXPECTED, FIGURES,
-) = range(14)  # fmt: skip
+    SQUARE, BASE, NEAR, SLOW, NOISE, HOLD, USUAL, LEVEL, ROWS, EDGE, TOLD, ALIKE, EXPECTED, SHORT,
+    LONG, BY_SHORT, BY_LONG, SHORT_SHORT, SHORT_LONG, LONG_LONG, PACED, FOURTH, FIGURES,
+) = range(23)  # fmt: skip
 """Places of an output's figures, and how many. Moving: the residual's mean square and mean, its
 mean over a window and that one's mean square. Mean step from row to row; widest friction since it
 was slow; share of motions that began calm. Of the rows that are off in this excursion Σ residual
 and number, and how far the first are from those before; mean level of what was found. Moving: mean
-product of measured and expected, mean square of what was expected."""
+product of measured and expected, mean square of what was expected; what was expected a short and a
+longer moment ago; mean products of the residual with what was expected less that, and of these; of
+the residual's square with that of the short one, and of this with itself."""
 (
     NEXT, STATE, START, STAMP, OURS, LATE, FOUND, FIRST, LAST, SAID, BLIND, NEWS, SHARP, OWN,
     WHOSE, PLACES,
@@ -57,6 +60,12 @@ MOSTLY, SELDOM = 0.6, 0.45
 below which it is the machine: what holds it at rest before it breaks loose is no push either."""
 SEVERAL = 3
 """Motions that pass while an output is off as before: what belongs to one ends with it."""
+MOMENTS = (0.125, 0.5)
+"""Parts of a window by which a filter of what is measured, or a clock, may lag."""
+ALONE = 0.99
+"""Squared correlation of both changes from which on one tells no more than the other."""
+OF_NOTE = 0.1
+"""Share of the residual's mean square that how the expected changes makes, where that counts."""
 AT_ONCE = 0.5
 """Part of its level that an output reaches within half a window, where a motion goes on."""
 
@@ -82,6 +91,49 @@ def weigh(x: float, expected: float, number: Any, figure: Any, rule: Any) -> Non
         by = min(max(x * expected, -FARTHEST * square), FARTHEST * square)
         figure[ALIKE] += (square + by - figure[ALIKE]) / memory
         figure[EXPECTED] += (square - figure[EXPECTED]) / memory
+
+
+@njit(cache=True)
+def lagging(expected: float, n: int, figure: Any) -> tuple[float, float]:
+    """By how much the expected is ahead of what it was a short and a longer moment ago."""
+    short, long = MOMENTS
+    if expected != expected:
+        return np.nan, np.nan
+    if figure[SHORT] == 0.0 and figure[LONG] == 0.0:
+        figure[SHORT] = figure[LONG] = expected
+    figure[SHORT] += (expected - figure[SHORT]) / (1.0 + max(short * n, 1.0))
+    figure[LONG] += (expected - figure[LONG]) / (1.0 + max(long * n, 1.0))
+    return expected - figure[SHORT], expected - figure[LONG]
+
+
+@njit(cache=True)
+def in_time(x: float, ahead: tuple[float, float], number: Any, figure: Any, rule: Any) -> float:
+    """The residual of a moving output without what measuring late leaves of it, where that makes
+    it smaller: that goes with how the expected changes, as nothing from outside does.
+
+    What is usual is learned of the whole residual, so a lag never makes a limit narrower."""
+    a, b = ahead
+    if not (x == x and a == a and b == b):
+        return x
+    aa, ab, bb = figure[SHORT_SHORT], figure[SHORT_LONG], figure[LONG_LONG]
+    xa, xb, free, short, long = figure[BY_SHORT], figure[BY_LONG], aa * bb - ab * ab, 0.0, 0.0
+    if free > (1.0 - ALONE) * aa * bb:
+        short, long = (bb * xa - ab * xb) / free, (aa * xb - ab * xa) / free
+    elif bb > 0.0:
+        long = xb / bb
+    own = short * a + long * b if short * xa + long * xb > OF_NOTE * figure[SQUARE] else 0.0
+    left = x - own
+    if number[OPEN] == 0:
+        most = np.sqrt(LARGE * figure[SQUARE])
+        weight = most / abs(left) if abs(left) > most else 1.0  # a push tells little
+        weight /= min(max(number[SEEN], 1), rule[2])
+        square = min(x * x, LARGE * figure[SQUARE])
+        for place, more in (
+            (BY_SHORT, x * a), (BY_LONG, x * b), (SHORT_SHORT, a * a), (SHORT_LONG, a * b),
+            (LONG_LONG, b * b), (PACED, square * a * a), (FOURTH, a * a * a * a),
+        ):  # fmt: skip
+            figure[place] += weight * (more - figure[place])
+    return 0.0 if left * x < 0.0 else left if abs(left) < abs(x) else x
 
 
 @njit(cache=True)
@@ -115,10 +167,17 @@ def moved(row: int, moves: bool, v: float, half: float, k: int, n: int, state: A
 
 
 @njit(cache=True)
-def limit_of(e: float, number: Any, figure: Any, times: float, rule: Any) -> float:
-    """How far off an output may be of which ``e`` is expected; infinite where that is not known."""
+def limit_of(e: float, ahead: float, number: Any, figure: Any, times: float, rule: Any) -> float:
+    """How far off an output may be of which ``e`` is expected, ``ahead`` more than a moment ago;
+    infinite where that is not known."""
     form, hold = np.sqrt(figure[SLOW]), figure[HOLD]
-    scale = max(times * np.sqrt(figure[SQUARE]), SMOOTH * form)
+    pace = figure[SHORT_SHORT]
+    spread, square = figure[FOURTH] - pace * pace, figure[SQUARE]
+    if ahead * ahead > pace and spread > 0.0:  # as far as it was more off where that changes fast
+        more = (figure[PACED] - square * pace) / spread
+        if more * pace > OF_NOTE * square:
+            square += more * (ahead * ahead - pace)
+    scale = max(times * np.sqrt(square), SMOOTH * form)
     known = number[SEEN] >= rule[1]
     alike, expected = figure[ALIKE], figure[EXPECTED]
     if alike > FAR * expected or expected > FAR * alike:
@@ -262,13 +321,16 @@ def watch(
             if moving[i, k]:
                 weigh(x, expected[i, k], number, figure, rule)
             moved(row + i, moving[i, k], v[i, k], half[i, k], k, n, state)
-            limit = limit_of(expected[i, k], number, figure, times, rule)
+            ahead = lagging(expected[i, k], n, figure)
+            limit = limit_of(expected[i, k], ahead[0], number, figure, times, rule)
             if not moving[i, k] and machine[BLIND] >= 0:  # below: it was said
                 machine[BLIND] = max(machine[BLIND] + (1 if limit == np.inf else -1), 0)
-            side, base = 0, figure[BASE] if number[SORT] != 0 else 0.0
-            if x == x and abs(x) > limit:
-                side = 1 if x > 0.0 else -1
-                if side * (x - base) <= limit:
+            side, base, left = 0, figure[BASE] if number[SORT] != 0 else 0.0, x
+            if moving[i, k]:
+                left = in_time(x, ahead, number, figure, rule)
+            if left == left and abs(left) > limit:
+                side = 1 if left > 0.0 else -1
+                if side * (left - base) <= limit:
                     side = 0
             before = (machine[NEXT] - 1) % n
             step = abs(x - ring[RESIDUAL, before, k])

@@ -46,8 +46,8 @@ from evertwin.sync.steady_loop import LONGEST
 
 QUIET = ("task_shifted",)
 """Notes of the alignment that are no event of the machine."""
-WIDE = ("filter", "derivative", "slope")
-"""Operations that look at neighbouring rows."""
+WIDE, FORGOTTEN = ("filter", "derivative", "slope"), 5.0
+"""Operations that look at neighbouring rows; time constants after which nothing is left of one."""
 SPEEDS, PLACES = ("derivative", "slope"), ("m", "rad")
 """Operations that take a difference; units of a place."""
 DRIVEN = ("m/s", "rad/s")
@@ -358,9 +358,10 @@ def recorded_for(spec: TwinSpec, model: Model) -> tuple[str, ...]:
 
 def _operations(spec: TwinSpec) -> tuple[Operation, ...]:
     """The filter over recorded channels first, then what is derived, in the order written."""
-    filtered = () if spec.filter is None else spec.filter.inputs
+    filtered, lagged = ((), ()) if spec.filter is None else (spec.filter.inputs, spec.filter.lagged)
     smooth = low_pass(spec) if filtered else None
     first = [Operation(name, "filter", (name,), low_pass=smooth) for name in filtered]
+    first += [Operation(name, "lag", (name,), _lag(spec)) for name in lagged]
     derived = (
         Operation(
             o.name, o.op, tuple(o.source), o.value, low_pass(spec) if o.op == "filter" else None
@@ -370,11 +371,15 @@ def _operations(spec: TwinSpec) -> tuple[Operation, ...]:
     return (*first, *derived)
 
 
+def _lag(spec: TwinSpec) -> float:
+    return 0.0 if spec.filter is None else spec.filter.lag
+
+
 def reach(spec: TwinSpec) -> int:
     """Rows on either side that a row is computed from, at most."""
     wide, rate = [one for one in _operations(spec) if one.op in WIDE], spec.clock.rate or 0.0
     rows = {"derivative": LONGEST + 1}
-    return sum(
+    return math.ceil(FORGOTTEN * _lag(spec) * rate) + sum(
         one.low_pass.delay if one.low_pass else rows.get(one.op, round(0.5 * one.value * rate))
         for one in wide
     )

@@ -19,6 +19,7 @@ from evertwin.models.contract import is_adopted
 from evertwin.settings.writing import inline, template
 from evertwin.signals import conversion
 from evertwin.starter.foretold import Answer, answer_of, buried, moved
+from evertwin.starter.lagging import time_constant
 from evertwin.starter.named import short
 from evertwin.starter.options import stands_in
 from evertwin.starter.payload import acting
@@ -341,6 +342,7 @@ class Draft:
             starts=box_of(model, self.proposal.matches, self.seen, self.period),
             options=", ".join(f"{k} = {inline(v)}" for k, v in options.items()),
             wears=at_usual_speed(model, self.proposal, self.seen) if self.once and model else (),
+            lag=self.once and model and time_constant(model, self.proposal, self.seen, self.above),
             recordings=self._origin,
             editable=", ".join(map(inline, names[:6])),
         )  # fmt: skip

@@ -126,10 +126,10 @@ def use(settings: Any, memory: Any, sample: Any, g: int, size: int, stamp: int) 
         for k in range(size):
             j = room[k]
             off = wrapped(y[j] - predicted[j], limits[j, at.ANGLE] > 0)
-            known = values[j, at.SQUARE] < np.inf
-            more = off * off - (values[j, at.SQUARE] if known else 0.0)
-            values[j, at.SQUARE] = values[j, at.SQUARE] + more / few if known else more
             if limits[j, at.ADOPTS] > 0:
+                known = values[j, at.SQUARE] < np.inf
+                more = off * off - (values[j, at.SQUARE] if known else 0.0)
+                values[j, at.SQUARE] = values[j, at.SQUARE] + more / few if known else more
                 # While the variance is not known, the measurement is all there is.
                 weight = gain if values[j, at.BASE] < np.inf else 1.0
                 take[j] = predicted[j] + weight * moderated(values, j, off)

@@ -44,12 +44,12 @@ CODES = {
     "middle": loop.MIDDLE, "along": loop.ALONG, "way": loop.WAY, "path": loop.PATH, "sum": loop.SUM,
     "mean": loop.MEAN, "difference": loop.DIFFERENCE, "product": loop.PRODUCT,
     "scale": loop.SCALE, "norm": loop.NORM, "max": loop.MAX, "unwrap": loop.UNWRAP,
-    "steady": loop.STEADY,
+    "steady": loop.STEADY, "lag": loop.LAG,
 }  # fmt: skip
 """The operations, by name."""
 SOURCES = {"along": 3, "way": 3, "path": 3, "difference": 2}
 """Channels that an operation needs, where it is not any number; one where it takes one row each."""
-ONE = ("filter", "derivative", "slope", "middle", "scale", "unwrap", "steady")
+ONE = ("filter", "derivative", "slope", "middle", "scale", "unwrap", "steady", "lag")
 HOW = {"held": loop.HELD_INPUT, "line": loop.LINE_INPUT, "step": loop.STEP_INPUT}
 FOREVER = 2**62
 SAYS = {
@@ -82,7 +82,7 @@ class Operation:
     source: tuple[str, ...]
     """Columns that it is computed from, recorded or computed before."""
     value: float = 1.0
-    """Factor of ``scale``, seconds of ``slope``."""
+    """Factor of ``scale``, seconds of ``slope`` and of ``lag``, a first-order low pass."""
     low_pass: Symmetric | None = None
     """Of ``filter``."""
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from evertwin.compiled.functions import njit
 from evertwin.sync.horizon_loop import wrapped
+from evertwin.sync.running_loop import lagging, unwrapped
 from evertwin.sync.steady_loop import LEAPT, steadily
 from evertwin.types import (
     Bools,
@@ -29,7 +30,7 @@ from evertwin.types import (
 )
 
 FILTER, DERIVATIVE, SLOPE, MIDDLE, ALONG, WAY, SUM, MEAN, DIFFERENCE = range(9)
-PRODUCT, SCALE, NORM, MAX, PATH, UNWRAP, STEADY = range(9, 16)
+PRODUCT, SCALE, NORM, MAX, PATH, UNWRAP, STEADY, LAG = range(9, 17)
 ROW, TASK, ORIGIN, COUNT, LEFT, BASE, LAST, BEGUN = range(8)
 """Counters: next row's number, task, stamp of its first row, rows of the stretch, rows of it that
 have left, rows before it, stamp of the last row that left, has one of this task left?"""
@@ -55,7 +56,7 @@ class Program(NamedTuple):
     sources: Int64[np.ndarray, "ops most"]
     """Columns that it is computed from, then −1."""
     value: Vector
-    """Factor of ``scale``."""
+    """Factor of ``scale``, seconds of ``lag``."""
     ahead: Int64[np.ndarray, " ops"]
     """Rows behind its own that it looks at."""
     start: Int64[np.ndarray, " ops"]
@@ -200,16 +201,6 @@ def travelled(ring: Lines, at: int, sources: Int64[np.ndarray, " most"], sums: V
 
 
 @njit(cache=True, error_model="numpy")
-def unwrapped(angle: float, sums: Vector) -> float:
-    """The angle without its wraps: it turns by less than half a turn from row to row."""
-    if angle != angle:
-        return np.nan
-    sums[1] = angle if sums[0] == 0.0 else sums[1] + wrapped(angle - sums[1], True)
-    sums[0] = 1.0
-    return float(sums[1])
-
-
-@njit(cache=True, error_model="numpy")
 def pointwise(ring: Lines, at: int, code: int, sources: Int64[np.ndarray, " most"],
               value: float) -> float:  # fmt: skip
     """What takes the row alone."""
@@ -274,6 +265,9 @@ def compute(program: Program, ring: Lines, memory: Memory, base: int, n: int, cl
                 value = travelled(ring, at, sources, memory.sums[k], code)
             elif code == UNWRAP:
                 value = unwrapped(ring.v[at, sources[0]], memory.sums[k])
+            elif code == LAG:
+                passed = ring.dt[at] / program.value[k] if j > 0 else np.inf
+                value = lagging(ring.v[at, sources[0]], passed, memory.sums[k])
             else:
                 value = pointwise(ring, at, code, sources, program.value[k])
             for c in sources:

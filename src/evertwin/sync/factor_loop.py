@@ -19,7 +19,7 @@ from evertwin.sync import places as at
 from evertwin.sync.horizon_loop import wrapped
 from evertwin.sync.options import COLD, HOT
 from evertwin.sync.places import Cause
-from evertwin.sync.plausible_loop import breaks, leapt
+from evertwin.sync.plausible_loop import breaks, in_scale, leapt, stands_out
 from evertwin.sync.run_loop import step_of
 
 FACTOR = int(Cause.FACTOR)
@@ -49,39 +49,43 @@ def allowed(rules: Any, values: Any, g: int, j: int, growth: float) -> float:
 
 @njit(**HOT)
 def weigh(limits: Any, values: Any, j: int, y: float, expected: float) -> None:
-    """Learns the scale of the model from a trusted sample of an output that no state adopts."""
+    """Learns the scale of the model, and what it is off by, from a trusted sample of an output that
+    no state adopts."""
     if not limits[j, at.ADOPTS] > 0:
         values[j, at.ALIKE] += (y * expected - values[j, at.ALIKE]) / at.SCALE
         values[j, at.EXPECTED] += (expected * expected - values[j, at.EXPECTED]) / at.SCALE
+        missed(values, j, (y - expected) * (y - expected), 1.0 / at.SCALE)
+
+
+@njit(**HOT)
+def missed(values: Any, j: int, square: float, weight: float) -> None:
+    """The model is off by this much."""
+    known = values[j, at.SQUARE] if values[j, at.SQUARE] < np.inf else 0.0
+    values[j, at.SQUARE] = known + weight * (square - known)
 
 
 @njit(**COLD)
 def weigh_anew(limits: Any, values: Any, board: Any, room: Any, size: int, votes: int) -> None:
     """Agreeing samples of an output that no state adopts overrule what was expected: they tell its
-    scale at once, as far as as much is expected of them as usual."""
+    scale at once, as far as as much is expected of them as usual, and what it is off by."""
     ring, expected = board[0], board[4]
     for k in range(size):
         j = room[k]
         if limits[j, at.ADOPTS] > 0:
             continue
-        alike, square = 0.0, 0.0
+        alike, square, off = 0.0, 0.0, 0.0
         for i in range(votes):
             predicted = expected[i, j] - values[j, at.OFFSET]
             alike += (expected[i, j] + ring[i, j]) * predicted
             square += predicted * predicted
+            missing = ring[i, j] + values[j, at.OFFSET]
+            off += missing * missing
         share = min(square, votes * values[j, at.EXPECTED])
         if share > 0.0:
             weight = share / (votes * values[j, at.EXPECTED])
             scale = alike / square * values[j, at.EXPECTED]
             values[j, at.ALIKE] += weight * (scale - values[j, at.ALIKE])
-
-
-@njit(**COLD)
-def in_scale(limits: Any, values: Any, j: int) -> bool:
-    """Were trusted samples about as large as expected? A state that adopts them answers for it."""
-    alike, expected = values[j, at.ALIKE], values[j, at.EXPECTED]
-    both = expected <= at.FAR * alike and alike <= at.FAR * expected
-    return bool(limits[j, at.ADOPTS] > 0 or both)
+        missed(values, j, off / votes, votes / at.SCALE)
 
 
 @njit(**COLD)
@@ -227,12 +231,13 @@ def misfit(
         if sound and abs(f) > 1.0:
             continue
         # An innovation is the difference of two measurements; only one of them is multiplied.
-        noise = 0.5 * values[j, at.BASE]
+        noise, offset = 0.5 * values[j, at.BASE], values[j, at.OFFSET]
         if (
             (turn or not angle)
             and limits[j, at.TRIED + k] != at.NEVER
             and leapt(limits, values, j, values[j, at.AWAY_FROM], values[j, at.AWAY_AT], f)
             and explained(board, votes, j, f, room_for, angle)
+            and stands_out(limits, values, j, np.abs(board[0][:votes, j] + offset).max())
             and likelier(board, votes, g, j, f, noise, room_for, angle)
         ):
             more = 0.0 if limits[j, at.TRIED + k] == at.OWN else 1.0

@@ -27,6 +27,9 @@ BETTER = 4.0
 """Times the variance of the innovations that a straight line errs by where a model is trusted to
 tell a sensor's unit from the machine's motion by itself."""
 
+OUT = 3.0
+"""Times the rms of what a model is off by from which on an output stands out of it."""
+
 
 @njit(**HOT)
 def grown(rules: Any, numbers: Any, figures: Any, g: int, stamp: int) -> float:
@@ -192,6 +195,23 @@ def leapt(limits: Any, values: Any, j: int, before: float, first: float, f: floa
 
 
 @njit(**COLD)
+def in_scale(limits: Any, values: Any, j: int) -> bool:
+    """Were trusted samples about as large as expected? A state that adopts them answers for it."""
+    alike, expected = values[j, at.ALIKE], values[j, at.EXPECTED]
+    both = expected <= at.FAR * alike and alike <= at.FAR * expected
+    return bool(limits[j, at.ADOPTS] > 0 or both)
+
+
+@njit(**COLD)
+def stands_out(limits: Any, values: Any, j: int, off: float) -> bool:
+    """Is an output that no state adopts off by more than its model usually is? A friction that no
+    model knows makes it so many times what is expected, now and then a unit's number.
+    """
+    usual = OUT * OUT * values[j, at.SQUARE]
+    return bool(limits[j, at.ADOPTS] > 0 or off * off > usual)
+
+
+@njit(**COLD)
 def suspected(
     room: float, noise: float, y: float, expected: float, angle: bool, tried: Any
 ) -> float:
@@ -240,6 +260,8 @@ def doubted(settings: Any, memory: Any, sample: Any, g: int, size: int) -> int:
         )
         # Friction turns an output that no state adopts round with the motion.
         told = factor > 0.0 or (factor < 0.0 and limits[j, at.ADOPTS] > 0)
+        off = values[j, at.NU] + values[j, at.OFFSET]
+        told = told and in_scale(limits, values, j) and stands_out(limits, values, j, off)
         before, first = values[j, at.AWAY_FROM], values[j, at.AWAY_AT]
         if told and leapt(limits, values, j, before, first, factor):
             figures[g, at.FACTOR] = factor

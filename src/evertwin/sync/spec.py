@@ -148,6 +148,16 @@ class FilterSpec(Section):
     rate / cutoff."""
     inputs: tuple[str, ...] = ()
     """Recorded channels that are filtered too, before derivatives are taken."""
+    lag: Annotated[Seconds, Ge(0.0)] = 0.0
+    """Time constant of a first-order low pass that outputs were measured through; 0: none."""
+    lagged: tuple[str, ...] = ()
+    """Recorded channels that pass it too, before derivatives are taken: those that inputs are made
+    of."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if bool(self.lagged) != (self.lag > 0.0):
+            raise UsageError("expected both lag and lagged, or none of them")
 
 
 @dataclass(frozen=True)
