@@ -50,6 +50,27 @@ def test_an_oven_starts_from_what_the_recording_says(seed: int, tmp_path: Path) 
     assert heater[0] / heater[1] < 0.1 * capacity / loss  # not the other way round
 
 
+@first_of("seed", range(8))
+@pytest.mark.parametrize("rotary", [True, False])
+def test_an_axis_starts_from_what_the_recording_says(
+    rotary: bool, seed: int, tmp_path: Path
+) -> None:
+    rng = np.random.default_rng(seed)
+    size = 10.0 ** rng.uniform(-3.0, 0.0)
+    mass, coulomb, viscous = size, size * rng.uniform(20.0, 80.0), size * rng.uniform(0.05, 0.3)
+    t = 0.002 * np.arange(20_000)
+    speed = sum(rng.uniform(20.0, 60.0) * np.sin(w * t + w) for w in (0.7, 1.9, 4.1))
+    effort = mass * np.gradient(speed, 0.002) + coulomb * np.sign(speed) + viscous * speed
+    seen = speed + rng.normal(0.0, 0.3, len(t)), effort + rng.normal(0.0, 0.1 * coulomb, len(t))
+    names = ("speed [rad/s]", "torque [Nm]") if rotary else ("speed [m/s]", "force [N]")
+    columns = np.column_stack([t, *seen])
+    machine = Machine(f"time [s],{names[0]},{names[1]}", columns, 0.002, 0, 1.0)
+    numbers = proposed(machine, tmp_path).model.parameters
+    truth = {"inertia" if rotary else "mass": mass, "Fc": coulomb, "Fv": viscous}
+    for name, value in truth.items():
+        assert numbers[name].value == pytest.approx(value, rel=0.1 if name != "Fv" else 0.5)
+
+
 def test_of_two_temperatures_that_nobody_names_the_livelier_is_heated(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -26,7 +26,7 @@ from evertwin.starter.payload import acting
 from evertwin.starter.proposal import ASK, Match, Proposal, position, together
 from evertwin.starter.seen import Seen
 from evertwin.starter.speeds import fastest, of_joints
-from evertwin.starter.starts import box_of
+from evertwin.starter.starts import starts_of
 from evertwin.starter.wear import at_usual_speed
 from evertwin.starter.words import quantity, words
 
@@ -339,7 +339,7 @@ class Draft:
         return template("starter", "starter.toml.txt", column=_column).render(
             draft=self, model=model, ask=ASK, units=units, stands_in=stands_in(self.options),
             payload=", ".join(acting(model)) if self.once and model is not None else "",
-            starts=box_of(model, self.proposal.matches, self.seen, self.period),
+            starts=starts_of(model, self.proposal.matches, self.seen, self.period),
             options=", ".join(f"{k} = {inline(v)}" for k, v in options.items()),
             wears=at_usual_speed(model, self.proposal, self.seen) if self.once and model else (),
             lag=self.once and model and time_constant(model, self.proposal, self.seen, self.above),

@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
-from evertwin.machines.thermal import CB, CH, GB, GH, POWER, ThermalBox
+from evertwin.machines.drive import Drive, DriveForce
+from evertwin.machines.thermal import POWER, ThermalBox
 from evertwin.models import Model
 from evertwin.signals import to_si
+from evertwin.starter.foretold import buried
 from evertwin.starter.proposal import ASK, Match
 from evertwin.starter.seen import Seen
 from evertwin.starter.store_guess import UNKNOWN, Store, guess_store
@@ -17,6 +20,10 @@ from evertwin.types import Vector
 HEATER, QUICK = 0.1, 50.0
 """Of a box: the heater's capacity as a share of the box's, and so many times as fast as the box the
 heater takes its heat to it."""
+STRETCHES = 60
+"""Of an axis: stretches of the recording that its numbers are told from, at least."""
+STILL = 0.02
+"""Share of its usual fastest speed up to which it does not move."""
 
 
 def store_of(found: Sequence[Match], seen: Sequence[Seen], period: float | None) -> Store:
@@ -25,32 +32,63 @@ def store_of(found: Sequence[Match], seen: Sequence[Seen], period: float | None)
     return UNKNOWN if told is None else guess_store(*told)
 
 
-def box_of(
+def starts_of(
     model: Model | None, found: Sequence[Match], seen: Sequence[Seen], period: float | None
 ) -> Mapping[str, tuple[float, str]]:
-    """Of a heated box, with units [SI]: a store of what it is warmer by than the room; of other
-    models nothing. Heater and box can change places: from afar a fit ends with a heater that is
-    slower than what it heats.
-    """
-    if not isinstance(model, ThermalBox):
+    """Of a heated box, and of an axis, with units [SI]; of other models nothing."""
+    if model is None or not all(isinstance(one.scale, float) for one in found):
         return {}
-    told = _columns(("heater", "box", "room"), found, seen, period)
-    if told is None or not all(isinstance(one.scale, float) for one in found):
-        return {}
-    t, heater, box, room = told
+    values = dict[str, float]()
+    if isinstance(model, ThermalBox):
+        if told := _columns(("heater", "box", "room"), found, seen, period):
+            values = _box(model, *told)
+    elif isinstance(model, Drive | DriveForce):
+        effort = (model.inputs if isinstance(model, Drive) else model.outputs).names[0]
+        if told := _columns(("speed", effort), found, seen, period):
+            values = _axis(model.parameters.names[0], *told)
+    numbers = {one.name: one for one in model.parameters}
+    return {
+        name: (float(f"{value:.3g}"), numbers[name].unit) for name, value in values.items()
+        if name in numbers and numbers[name].low < value < numbers[name].high
+    }  # fmt: skip
+
+
+def _box(
+    model: ThermalBox, t: Vector, heater: Vector, box: Vector, room: Vector
+) -> dict[str, float]:
+    """A store of what it is warmer by than the room. Heater and box can change places: from afar a
+    fit ends with a heater that is slower than what it heats."""
     store = guess_store(t, heater, box - room)
     if not (store.gain > 0.0 and store is not UNKNOWN):
         return {}
     capacity = float(model.parameters.values[POWER]) / store.gain
     own = HEATER * capacity
-    values = {
-        CH: own, GH: own * QUICK * store.leak, CB: capacity - own, GB: capacity * store.leak,
-    }  # fmt: skip
-    numbers = {model.parameters.items[k]: value for k, value in values.items()}
     return {
-        one.name: (float(f"{value:.3g}"), one.unit)
-        for one, value in numbers.items() if one.low < value < one.high
+        "heater_capacity": own, "heater_conductance": own * QUICK * store.leak,
+        "box_capacity": capacity - own, "box_conductance": capacity * store.leak,
     }  # fmt: skip
+
+
+def _axis(inertia: str, t: Vector, speed: Vector, effort: Vector) -> dict[str, float]:
+    """What moves it and what rubs: the sums of its effort over stretches so long that its speed
+    changes by far more than its noise; sums, because an acceleration is mostly noise."""
+    known = np.isfinite(t) & np.isfinite(speed) & np.isfinite(effort)
+    t, speed, effort = t[known], speed[known], effort[known]
+    size = 1
+    while size < len(t) // STRETCHES and buried(speed, size):
+        size *= 2
+    if len(t) < STRETCHES or buried(speed, size):
+        return {}
+    still = np.abs(speed) <= STILL * np.quantile(np.abs(speed), 0.95)
+    sides = (np.sign(speed), speed, np.ones(len(t)), effort, still.astype(float))
+    sums = cumulative_trapezoid(np.array(sides), t, initial=0)[:, ::size]
+    *columns, right, stood = np.diff(sums, axis=1)
+    table = np.column_stack([np.diff(speed[::size]), *columns])[stood == 0.0]
+    if len(table) < STRETCHES // 2:
+        return {}
+    scale = np.linalg.norm(table, axis=0) + 1e-300
+    mass, coulomb, viscous, _ = np.linalg.lstsq(table / scale, right[stood == 0.0])[0] / scale
+    return {inertia: float(mass), "Fc": float(coulomb), "Fv": float(viscous)}
 
 
 def _columns(
