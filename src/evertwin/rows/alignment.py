@@ -358,10 +358,11 @@ def recorded_for(spec: TwinSpec, model: Model) -> tuple[str, ...]:
 
 def _operations(spec: TwinSpec) -> tuple[Operation, ...]:
     """The filter over recorded channels first, then what is derived, in the order written."""
-    filtered, lagged = ((), ()) if spec.filter is None else (spec.filter.inputs, spec.filter.lagged)
+    rule = spec.filter
+    filtered, lagged, lag = ((), (), 0.0) if rule is None else (rule.inputs, rule.lagged, rule.lag)
     smooth = low_pass(spec) if filtered else None
     first = [Operation(name, "filter", (name,), low_pass=smooth) for name in filtered]
-    first += [Operation(name, "lag", (name,), _lag(spec)) for name in lagged]
+    first += [Operation(name, "lag", (name,), lag) for name in lagged]
     derived = (
         Operation(
             o.name, o.op, tuple(o.source), o.value, low_pass(spec) if o.op == "filter" else None
@@ -371,15 +372,11 @@ def _operations(spec: TwinSpec) -> tuple[Operation, ...]:
     return (*first, *derived)
 
 
-def _lag(spec: TwinSpec) -> float:
-    return 0.0 if spec.filter is None else spec.filter.lag
-
-
 def reach(spec: TwinSpec) -> int:
     """Rows on either side that a row is computed from, at most."""
     wide, rate = [one for one in _operations(spec) if one.op in WIDE], spec.clock.rate or 0.0
-    rows = {"derivative": LONGEST + 1}
-    return math.ceil(FORGOTTEN * _lag(spec) * rate) + sum(
+    rows, lag = {"derivative": LONGEST + 1}, 0.0 if spec.filter is None else spec.filter.lag
+    return math.ceil(FORGOTTEN * lag * rate) + sum(
         one.low_pass.delay if one.low_pass else rows.get(one.op, round(0.5 * one.value * rate))
         for one in wide
     )

@@ -176,7 +176,7 @@ class Draft:
         way is noise."""
         rows = 10.0 * (self.period or 0.01) * (0.1 if self._base else 1.0)
         usual = max(1.0, float(f"{10 ** math.ceil(math.log10(rows)):g}"))
-        if self.static or self._goes:
+        if self.static or self._goes or not math.isfinite(self.duration):
             return usual
         room = max(_digit(self.duration / TRIED, math.floor), _digit(rows, math.ceil))
         values = self.answer.values

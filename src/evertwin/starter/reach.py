@@ -14,8 +14,9 @@ from evertwin.fold.block import first
 from evertwin.gauges.noise import noise
 from evertwin.gauges.unlike import changes
 from evertwin.models import Model
-from evertwin.refit.workers import setup_of
 from evertwin.rows.feed import Feed
+from evertwin.setup.configured_model import model_of
+from evertwin.setup.setup import Setup
 from evertwin.signals import wrap
 from evertwin.types import Outputs, ParameterVector, Vector
 
@@ -36,7 +37,7 @@ def unforeseen(spec: TwinSpec) -> float:
     Args:
         spec: of a model with states, whose recordings are where it says.
     """
-    setup, windows, count = setup_of(spec), list[Block](), 0
+    setup, windows, count = Setup(spec, model_of(spec, compiled=False)), list[Block](), 0
     model = setup.model
     p = model.parameters.values
     try:

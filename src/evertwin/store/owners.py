@@ -33,10 +33,10 @@ LOG = logging.getLogger("evertwin")
 SECOND = 1_000_000
 TABLE = """CREATE TABLE IF NOT EXISTS {shared}owners (
     twin text PRIMARY KEY, token bigint NOT NULL, node text NOT NULL, until bigint NOT NULL,
-    wanted text NOT NULL, told text NOT NULL)"""
-KEY = "CREATE UNIQUE INDEX IF NOT EXISTS owners_token ON {shared}owners (twin, token)"
-"""Makes the token part of a key: a claim, which changes it, waits for transactions that rely on it
-(and they for it); to renew a lease changes no key and waits for none."""
+    wanted text NOT NULL, told text NOT NULL, UNIQUE (twin, token))"""
+"""The token is part of a key: a claim, which changes it, waits for transactions that rely on it
+(and they for it); to renew a lease changes no key and waits for none. No index is made beside it:
+that would wait for every transaction on a table that is there."""
 
 
 class Held(NamedTuple):
@@ -103,12 +103,11 @@ class Owners(Protocol):
         ...
 
 
-def shared_table(database: Sql, name: str, *texts: str) -> str:
+def shared_table(database: Sql, name: str, text: str) -> str:
     """A table that all twins share, made where it is not there; its name for statements."""
     with database.transaction() as db:
         database.alone(db)
-        for text in texts:
-            db.execute(text.format(shared=database.shared))
+        db.execute(text.format(shared=database.shared))
     return f"{database.shared}{name}"
 
 
@@ -122,7 +121,7 @@ class SqlOwners:
 
     def __init__(self, database: Sql) -> None:
         self._db = database
-        self._table = shared_table(database, "owners", TABLE, KEY)
+        self._table = shared_table(database, "owners", TABLE)
 
     def claim(self, twin: str, node: str, lease: float) -> int | None:
         """A token for a twin that nobody has; None: a lease of it lasts."""
