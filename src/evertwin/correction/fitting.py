@@ -35,6 +35,8 @@ NEAR, PAYS = 0.01, 0.05
 """Held-out deviations this near are equal; a less symmetric prior must gain this much."""
 TRIED = 2
 """Of many starts only these many, the best as they stand, are fitted."""
+LITTLE, UNSURE = 0.05, 2.0
+"""Rise of the deviation that does not matter while it is not sure, in its standard errors."""
 SAME = 1e-3
 """A number whose neutral value raises the deviation by no more than this share changes nothing; on
 n segments, by no more than 1/n, which is what Akaike asks of a number."""
@@ -143,10 +145,10 @@ def started(stack: Stack, evidence: Evidence) -> Stack:
 
 
 def settled(stack: Stack, parts: Sequence[int], evidence: Evidence) -> Stack:
-    """With every number of these parts that changes nothing at its neutral value. A delay goes
-    first, with the lag beside it fitted anew: each makes up for the other."""
-    neutral = stack.model.parameters.values
-    enough = (1.0 + max(SAME, 1.0 / evidence.segments)) * _mean(stack, evidence)
+    """With every number of these parts that changes nothing at its neutral value, or little and not
+    surely. A delay goes first, with the lag beside it fitted anew: each makes up for the other."""
+    neutral, first_off = stack.model.parameters.values, _off(stack, evidence)
+    enough = (1.0 + max(SAME, 1.0 / evidence.segments)) * mean_deviation(first_off)
     for k in parts:
         first, part = stack.first(k), stack.parts[k]
         names = [one.name for one in part.kind.parameters(part.term, "1", "1")]
@@ -159,13 +161,17 @@ def settled(stack: Stack, parts: Sequence[int], evidence: Evidence) -> Stack:
                 kept = replace(without.parts[k], fixed=(*part.fixed, i))
                 held = replace(without, parts=(*stack.parts[:k], kept, *stack.parts[k + 1 :]))
                 without = anew(held, (k,), evidence)
-            if _mean(without, evidence) <= enough:
+            off = _off(without, evidence)
+            rise, mean = off - first_off, mean_deviation(off)
+            unsure = rise.mean() < UNSURE * rise.std() / np.sqrt(len(rise))
+            if mean <= enough or (unsure and mean <= (1.0 + LITTLE) * mean_deviation(first_off)):
                 stack = without
     return stack
 
 
-def _mean(stack: Stack, evidence: Evidence) -> float:
-    return mean_deviation(evidence.deviations(evidence.residual(stack.model, stack.p)))
+def _off(stack: Stack, evidence: Evidence) -> Vector:
+    """Deviation of each segment."""
+    return evidence.deviations(evidence.residual(stack.model, stack.p))
 
 
 def _free(stack: Stack, parts: Sequence[int]) -> Free:
