@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy import stats
+import scipy
 
 from evertwin.features.labelled import Labelled
 from evertwin.types import Bool, Bools, Float64, Int64, Json, Vector
@@ -203,7 +203,7 @@ def _exact(total: int, marked: int, drawn: int) -> Vector:
 
     Counts from 0 to ``marked``; those that cannot be have p 1.
     """
-    chance = stats.hypergeom.pmf(np.arange(marked + 1), total, marked, drawn)
+    chance = scipy.stats.hypergeom.pmf(np.arange(marked + 1), total, marked, drawn)
     order = np.argsort(chance)
     below = np.cumsum(chance[order])
     last = np.searchsorted(chance[order], chance * (1 + SAME), side="right") - 1
@@ -287,5 +287,5 @@ def _detectable(
     if rows.group is not None:
         mine = rows.truth == i
         n = n / max(design_effect(rows.label[mine] == j, rows.group[mine]), 1.0)
-    z = stats.norm.isf(level / (2 * len(cells))) + stats.norm.isf(1 - POWER)
+    z = scipy.stats.norm.isf(level / (2 * len(cells))) + scipy.stats.norm.isf(1 - POWER)
     return float(z * np.sqrt(share * (1 - share) * (1 / n[0] + 1 / n[1])))

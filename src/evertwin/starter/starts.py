@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy.integrate import cumulative_trapezoid
+import scipy
 
 from evertwin.machines.drive import Drive, DriveForce
 from evertwin.machines.thermal import POWER, ThermalBox
@@ -81,7 +81,7 @@ def _axis(inertia: str, t: Vector, speed: Vector, effort: Vector) -> dict[str, f
         return {}
     still = np.abs(speed) <= STILL * np.quantile(np.abs(speed), 0.95)
     sides = (np.sign(speed), speed, np.ones(len(t)), effort, still.astype(float))
-    sums = cumulative_trapezoid(np.array(sides), t, initial=0)[:, ::size]
+    sums = scipy.integrate.cumulative_trapezoid(np.array(sides), t, initial=0)[:, ::size]
     *columns, right, stood = np.diff(sums, axis=1)
     table = np.column_stack([np.diff(speed[::size]), *columns])[stood == 0.0]
     if len(table) < STRETCHES // 2:
