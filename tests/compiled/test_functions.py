@@ -12,12 +12,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numba.core.caching import InTreeCacheLocator
 
-from evertwin.compiled import functions
+from evertwin.compiled import functions, kept
 from evertwin.compiled.calls import call, call_real
 from evertwin.compiled.functions import Function, cfunc, njit
+from evertwin.compiled.kept import is_kept, plain_seconds
 from evertwin.compiled.memory import behind, borrowed, carray, reals, scratch
-from evertwin.compiled.stamp import is_kept, stamp_of
+from evertwin.compiled.stamp import stamp_of
 from evertwin.errors import UsageError
 from evertwin.sync import places
 from evertwin.sync.plausible_loop import doubted, suspected
@@ -70,7 +72,7 @@ def all_of_it(f: int, g: int, values: Any) -> Any:
 
 
 def fresh(function: Function) -> Function:
-    return Function(function.py_func, function.options)
+    return Function(function.py_func, function.options | {"cache": True})
 
 
 def test_little_work_runs_plain_and_much_is_compiled() -> None:
@@ -99,6 +101,38 @@ def test_time_that_was_spent_counts(monkeypatch: pytest.MonkeyPatch) -> None:
     late._spent = 1.1 * late._compiling
     late(np.arange(4.0))
     assert late._ready is not None
+
+
+def test_time_that_processes_before_spent_counts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(functions, "PER_BYTE", 1.0)
+    for times in (1, 2, 3):  # of a third of what compiling takes
+        monkeypatch.setattr(functions, "_LOOKED_FOR", [])
+        loop = fresh(power)
+        loop._spent = 0.4 * loop._compiling
+        loop(np.arange(4.0))
+        functions._write_down()
+        assert (loop._ready is not None) == (times == 3)
+    other = fresh(inverted)
+    assert plain_seconds(other.py_func, other.stamp) == 0.0
+    (note,) = tmp_path.glob("*/*.plain")
+    note.write_text("half a")
+    assert plain_seconds(power.py_func, power.stamp) == 0.0
+
+
+def test_where_nothing_may_be_written_code_is_the_users(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr(kept.os, "access", lambda *_: False)
+    monkeypatch.setattr("numba.config.CACHE_DIR", "")
+    monkeypatch.setattr(InTreeCacheLocator, "from_function", lambda *_: None)
+    assert fresh(power).compiled(np.arange(3.0)) == 5.0
+    assert is_kept(power.py_func, power.stamp)
+    assert list(tmp_path.glob("numba/*/*.nbi"))
 
 
 def test_machine_code_is_found_in_the_cache() -> None:

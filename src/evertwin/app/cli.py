@@ -82,6 +82,10 @@ def _options(
             level=logging.INFO if verbose == 1 else logging.DEBUG,
             format="%(levelname)s %(name)s: %(message)s",
         )
+    else:  # a pause that would be longer than others
+        compiling = logging.getLogger("evertwin.compiled")
+        compiling.setLevel(logging.INFO)
+        compiling.handlers = [logging.StreamHandler()]
 
 
 app.registered_commands += cli_machine.app.registered_commands  # the demonstration comes first

@@ -3,8 +3,8 @@
 Numba takes half a second to load and seconds to compile a loop; a few hundred rows take plain
 Python less. So what `njit` decorates, a `Function`, runs plain until it has taken `BRIEF` seconds,
 or would: then its machine code is read from Numba's cache. Where there is none yet, it is compiled
-once it has taken as long as compiling it will. Both forms give the same bits, which tests hold for
-every kernel.
+once it has taken as long as compiling it will, in this process and those before it. Both forms give
+the same bits, which tests hold for every kernel.
 
 Whatever a function names is looked up in its module, in the form that it needs: the plain form of a
 function calls the plain forms of others, the compiled form their machine code.
@@ -21,8 +21,10 @@ function calls the plain forms of others, the compiled form their machine code.
 
 from __future__ import annotations
 
+import atexit
 import importlib
 import inspect
+import logging
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -34,17 +36,35 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 
-from evertwin.compiled.stamp import is_kept, names_of, stamp_of
+from evertwin.compiled.kept import is_kept, plain_seconds, write_plain_seconds
+from evertwin.compiled.stamp import names_of, stamp_of
 from evertwin.errors import UsageError
 
+LOG = logging.getLogger("evertwin.compiled")
 BRIEF = 0.3
 """Seconds that a function runs plain before Numba and its machine code are loaded."""
 READ = 0.02
 """The same where Numba is loaded already."""
 PER_BYTE = 1e-3
 """Seconds that compiling takes for each byte of Python's code, callees included."""
+LONG = 3.0
+"""Seconds of compiling from which it is said."""
 SLOW = 5e-6
 """Seconds that plain Python is taken to need for each number of the longest array."""
+
+
+_LOOKED_FOR: list[Function] = []
+"""Functions whose machine code was looked for, and was not there."""
+
+
+def _write_down() -> None:
+    for function in _LOOKED_FOR:
+        if function._ready is None:
+            seconds = function._before + function._spent
+            write_plain_seconds(function.py_func, function.stamp, seconds)
+
+
+atexit.register(_write_down)
 
 
 def at_once() -> None:
@@ -117,6 +137,7 @@ class Function(_Written):
         names = list(inspect.signature(py_func).parameters)
         self._per = slice(names.index(per), names.index(per) + 1) if per else slice(None)
         self._spent, self._rate, self._patience = 0.0, SLOW, 0.0
+        self._before = 0.0  # of processes that ended
         self._ready: Callable[..., Any] | None = None
         self._dispatchers: dict[str, Any] = {}
 
@@ -161,8 +182,17 @@ class Function(_Written):
         brief = READ if "numba" in sys.modules else BRIEF
         if taken <= max(brief, self._patience):
             return False
+        if is_kept(self.py_func, self.stamp):
+            return True
+        if self._keeps and not self._patience:
+            self._before = plain_seconds(self.py_func, self.stamp)
+            _LOOKED_FOR.append(self)
         self._patience = taken + brief  # looking for kept code costs something, too
-        return taken > self._compiling or is_kept(self.py_func, self.stamp)
+        pays = self._before + taken > self._compiling
+        if pays and self._compiling > LONG:
+            said = "compiling %s, once: up to %.0f s; its code is kept for every later start"
+            LOG.info(said, f"{self.__module__}.{self.__name__}", self._compiling)
+        return pays
 
     def _size(self, arguments: tuple[Any, ...]) -> int:
         """Numbers to go through: those of the longest array."""

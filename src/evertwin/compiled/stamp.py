@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import hashlib
 import inspect
-import os
 from collections.abc import Callable, Iterator
 from enum import EnumMeta
 from importlib.util import find_spec
@@ -97,12 +96,3 @@ def _code(code: CodeType, say: Say) -> None:
             _code(constant, say)
         else:
             say(repr(constant).encode())
-
-
-def is_kept(function: Callable[..., Any], stamp: str) -> bool:
-    """Does Numba's cache hold machine code of a function with this stamp?"""
-    code = function.__code__
-    file, given = Path(code.co_filename), os.environ.get("NUMBA_CACHE_DIR")
-    index = f"{file.stem}.{function.__qualname__}-{code.co_firstlineno}.py*.nbi"
-    found = Path(given).glob(f"*/{index}") if given else (file.parent / "__pycache__").glob(index)
-    return any(stamp.encode() in path.read_bytes() for path in found)
