@@ -189,6 +189,13 @@ def init(
     namespace: Annotated[
         str, typer.Option(help="Of the topics of one machine, such as /robot1.")
     ] = "",
+    answer: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="To what it asks: log.rate='100 Hz', u.column=pump, torque.scale=0.1; list "
+            "several. What is proposed rests on it, unlike on an answer in the file."
+        ),
+    ] = None,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
@@ -198,7 +205,7 @@ def init(
     """
     from evertwin.app.starting import write_starter
 
-    write_starter(files, out, (model, urdf), force, as_json, namespace)
+    write_starter(files, out, (model, urdf), force, as_json, (namespace, answer or ()))
 
 
 @app.command()

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import typer
@@ -41,6 +42,13 @@ from evertwin.starter import (
     stand_in,
     unforeseen,
 )
+from evertwin.starter.answers import (
+    Answers,
+    answers_of,
+    with_answers,
+    with_options,
+    with_rates,
+)
 from evertwin.starter.proposal import ASK
 
 LOOKED = "the recordings are looked at"
@@ -48,7 +56,7 @@ LOOKED = "the recordings are looked at"
 
 def write_starter(
     files: Sequence[Path], out: Path | None, model: tuple[str, Path | None], force: bool,
-    as_json: bool, namespace: str = "",
+    as_json: bool, said: tuple[str, Sequence[str]] = ("", ()),
 ) -> None:  # fmt: skip
     """Writes the twin file, and for ``python`` a model file beside it.
 
@@ -56,8 +64,12 @@ def write_starter(
     axes driven by a force each gets a file. Where no kind is said (""), the headings say it, or it
     is a model of one's own.
 
+    Args:
+        model: kind, and the description of an arm.
+        said: namespace of the topics of one machine, and answers, as NAME.WHAT=ANSWER.
+
     Raises:
-        UsageError: there is a file already, or the model does not exist.
+        UsageError: there is a file already, the model does not exist, or an answer is to nothing.
         DataError: a recording cannot be read, or holds no column of numbers.
     """
     kind, urdf = model
@@ -68,11 +80,13 @@ def write_starter(
     if wear is not None and wear.alone:
         _name_life(files[0], wear, as_json)
         return
+    answers = answers_of(said[1])
     with Progress(LOOKED):
         seen, told = look(files)
+        seen = with_rates(seen, answers)
     out = Path(f"{files[0].stem}.toml") if out is None else out
     with Progress(LOOKED):
-        seen, others = _one_machine(seen, out, model, namespace)
+        seen, others = _one_machine(seen, out, model, said[0])
         kind = kind or kind_of(seen)
         axes = by_axis(seen) if kind in ("drive", "drive_force") else (("", seen),)
     outs = [out.with_stem(f"{out.stem}_{word}") if word else out for word, _ in axes]
@@ -81,7 +95,8 @@ def write_starter(
             raise UsageError(f"{one}: exists already: choose another name, or say --force")
     with Progress(LOOKED):
         drafts = [
-            _draft(one, (kind, urdf), part) for one, (_, part) in zip(outs, axes, strict=True)
+            _draft(one, (kind, urdf), part, answers)
+            for one, (_, part) in zip(outs, axes, strict=True)
         ]
     for info in told:  # what is left out comes first
         for note in info.notes:
@@ -123,8 +138,19 @@ def _own(out: Path) -> Path:
     return out.with_name(f"{re.sub(r'[^A-Za-z0-9_]', '_', out.stem)}_model.py")
 
 
-def _draft(out: Path, model: tuple[str, Path | None], seen: tuple[Seen, ...]) -> Draft:
-    """With the options of the model that leave fewest questions."""
+def _draft(
+    out: Path, model: tuple[str, Path | None], seen: tuple[Seen, ...],
+    answers: Answers = MappingProxyType({}),
+) -> Draft:  # fmt: skip
+    """With the options of the model that leave fewest questions, and with what was answered."""
+    draft = _asking(out, model, seen)
+    options = with_options(draft.options, answers)
+    built = draft.model if options == draft.options else machine(draft.kind, answered(options))
+    found = with_answers(draft.proposal, built, seen, answers)
+    return replace(draft, options=options, model=built, proposal=found)
+
+
+def _asking(out: Path, model: tuple[str, Path | None], seen: tuple[Seen, ...]) -> Draft:
     kind, urdf = model
     if kind == PUMP:
         return _pump(out, seen)
@@ -165,7 +191,7 @@ def _write(draft: Draft, force: bool) -> dict[str, Any]:
     out, own = draft.out, _own(draft.out)
     write_whole(out, draft.text())
     if draft.model is None and (force or not own.exists()):
-        write_whole(own, own_model(draft.seen, draft.proposal.matches, draft.period))
+        write_whole(own, own_model(draft.proposal.matches, draft.own))
     if not draft.questions:  # else the file holds a question, which no reader takes
         spec = read(out)
         if len(model_of(spec, compiled=False).states):

@@ -22,7 +22,7 @@ import numpy as np
 
 from evertwin.errors import DataError
 from evertwin.sources.foreign import Damaged, foreign
-from evertwin.sources.names import distinct, listed
+from evertwin.sources.names import distinct, listed, samples
 from evertwin.sources.own_clocks import by_clock, stems, units_of
 from evertwin.sources.table import WIDEST, Column, Recording, Rows
 from evertwin.sources.time_unit import time_column
@@ -107,7 +107,13 @@ def table_of(
     """
     left_out = list(notes)
     flat: dict[str, Array] = {}
+    every = {
+        name: array.item() for name, array in arrays.items()
+        if array.size == 1 and array.dtype.kind in "fiu" and samples(name)
+    }  # fmt: skip
     for name, array in arrays.items():
+        if name in every:
+            continue
         squeezed = array.reshape(-1) if array.ndim == 2 and 1 in array.shape else array
         wide = squeezed.ndim > 1 and squeezed.shape[-1] > WIDEST
         if array.dtype.kind not in "fiubMSU" or array.ndim > 2 or squeezed.size < 2 or wide:
@@ -121,6 +127,8 @@ def table_of(
             f"{path.name}: expected arrays of at least two rows, got none "
             f"({listed(left_out) or 'the file is empty'}): save each signal as a vector"
         )
+    usual = Counter(map(len, flat.values())).most_common(1)[0][0]
+    flat |= {name: np.full(usual, value) for name, value in every.items()}
     tables, short = _tables(path, flat, texts)
     left_out += short
     return Recording(path, kind, tables, tuple(left_out))

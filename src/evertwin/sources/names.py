@@ -92,3 +92,28 @@ def distinct(names: Sequence[str]) -> tuple[str, ...]:
         seen[name] += 1
         out.append(name if seen[name] == 1 else f"{name}~{seen[name]}")
     return tuple(out)
+
+
+PERIODS = {"ts", "dt", "t_s", "sampling_time", "sample_time"}
+RATES = {"fs", "f_s", "sampling_rate", "sample_rate", "samplerate", "sampling_frequency"}
+"""Names of one number: seconds from row to row, or rows in a second."""
+
+
+def samples(name: str) -> bool:
+    """Does a number of this name, or path, say how often rows come?
+
+    >>> samples("dataset.fs"), samples("force")
+    (True, False)
+    """
+    return name.rpartition(".")[2].lower() in PERIODS | RATES
+
+
+def sampled(name: str, value: float) -> float | None:
+    """Seconds from row to row, as a number of this name says; None: it does not.
+
+    >>> sampled("Ts", 4.0), sampled("fs", 50.0), sampled("u", 1.0)
+    (4.0, 0.02, None)
+    """
+    if not (samples(name) and value > 0.0):
+        return None
+    return value if name.rpartition(".")[2].lower() in PERIODS else 1.0 / value

@@ -11,6 +11,7 @@ import os
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -18,15 +19,18 @@ from evertwin.models import Model
 from evertwin.models.contract import is_adopted
 from evertwin.settings.writing import inline, template
 from evertwin.signals import conversion
+from evertwin.starter.feeding import Source
 from evertwin.starter.foretold import Answer, answer_of, buried, moved
 from evertwin.starter.lagging import time_constant
 from evertwin.starter.named import short
 from evertwin.starter.options import stands_in
+from evertwin.starter.oscillator_guess import Oscillator
 from evertwin.starter.payload import acting
-from evertwin.starter.proposal import ASK, Match, Proposal, position, together
+from evertwin.starter.proposal import ASK, Proposal, position, together
 from evertwin.starter.seen import Seen
 from evertwin.starter.speeds import fastest, of_joints
-from evertwin.starter.starts import starts_of
+from evertwin.starter.starts import own_of, starts_of
+from evertwin.starter.store_guess import Store
 from evertwin.starter.wear import at_usual_speed
 from evertwin.starter.words import quantity, words
 
@@ -42,26 +46,6 @@ FASTEST = 500.0
 """Rows per second that a static map is resampled to at most: motion is slower."""
 EXACT = 1e-6
 """So near to three digits a period is that of a clock, and no mean of uneven ones."""
-
-
-@dataclass(frozen=True)
-class Source:
-    """One ``[[source]]`` of the twin file.
-
-    >>> Source("log", ("run.csv",), "", None, None, ()).name
-    'log'
-    """
-
-    name: str
-    files: tuple[str, ...]
-    match: str
-    """Pattern of its files' names; empty where there is one source."""
-    time: Any
-    period: float | None
-    """Seconds from row to row: of the column of time, or what a constant column says."""
-    matches: tuple[Match, ...]
-    holds: bool = False
-    """Are these commands, which hold from one row to the next however far it is?"""
 
 
 @dataclass(frozen=True)
@@ -243,9 +227,8 @@ class Draft:
     def share(self, part: float) -> str:
         """A round ``part`` of the spread as a twin file writes it; empty where it is not known."""
         size, unit = self.spread
-        if not size > 0.0 or unit == "1":
-            return ""
-        return f"{float(f'{part * size:.1g}'):g} {unit}"
+        told = f"{float(f'{part * size:.1g}'):g} {unit}".removesuffix(" 1")
+        return told if size > 0.0 else ""
 
     @property
     def asked(self) -> float:
@@ -259,8 +242,10 @@ class Draft:
     @property
     def required(self) -> str:
         """The same as a twin file writes it; empty where it is not known."""
-        unit = self.spread[1]
-        return f"{self.asked / conversion(unit)[0]:g} {unit}" if self.share(0.02) else ""
+        size, unit = self.spread
+        if not size > 0.0:
+            return ""
+        return f"{self.asked / conversion(unit)[0]:g} {unit}".removesuffix(" 1")
 
     @property
     def ladder(self) -> tuple[str, ...]:
@@ -312,6 +297,11 @@ class Draft:
         base = ("direction", "hysteresis") if self._base else ()
         return ("lag", *coupled, *posed, *wheeled, "slew", *base, "table", "law")
 
+    @cached_property
+    def own(self) -> Store | Oscillator:
+        """Where a model of one's own starts from."""
+        return own_of(self.proposal.matches, self.seen, self.period)
+
     @property
     def _goes(self) -> bool:
         return self._base or self.kind == "drive"
@@ -333,7 +323,7 @@ class Draft:
         options = dict(self.options)
         if str(options.get("urdf", "")).endswith(".urdf"):
             options["urdf"] = os.path.relpath(Path(options["urdf"]).resolve(), here)
-        names = ("gain", "leak", "constant") if model is None else model.parameters.editable
+        names = self.own._fields if model is None else model.parameters.editable
         layout = () if model is None else (*model.inputs, *model.outputs)
         units = {channel.name: channel.unit for channel in layout}
         return template("starter", "starter.toml.txt", column=_column).render(
@@ -365,6 +355,11 @@ class Draft:
             lines.append(f"to be answered in {self.out}, where it says {ASK!r}:")
             asked = together((name, what) for name, _, what in map(_cut, self.questions))
             lines += [f"  {name}: {what}" for name, what in asked]
+            name, _, what = _cut(self.questions[0])
+            lines.append(
+                f"  or --force --answer {name}.{what.split()[0]}=… here: times and the requirement "
+                "rest on it then"
+            )
         if self.undescribed and self.model is not None:
             lines.append(
                 f"its {len(self.model.outputs)} joints are found, its bodies have to be described: "

@@ -7,6 +7,7 @@ whose channels a person names.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Sequence
 
@@ -20,8 +21,10 @@ from evertwin.starter.draft import EFFORTS
 from evertwin.starter.joints import joints_of
 from evertwin.starter.mapping import mapped
 from evertwin.starter.named import unit_of
+from evertwin.starter.oscillator_guess import guess_oscillator
 from evertwin.starter.proposal import Match, Proposal
 from evertwin.starter.seen import Seen
+from evertwin.starter.starts import NEARER
 from evertwin.starter.words import (
     AMBIENT,
     HEATER,
@@ -40,6 +43,8 @@ PUMP = "pump"
 _FLOW, _PRESSURE, _SPEED = "m^3/s", "Pa", "rad/s"
 _SPEED_LOOP = re.compile(r"(?<![A-Za-z])S(?:IC[-_ ]?|[CT][-_ ]?\d|IT[-_ ]?)\d")
 """A tag that begins with the letter of speed (ISA-5.1)."""
+SWINGS = 20
+"""Of what swings, in a recording."""
 _AXES = 3
 """More axes than these are an arm's, of which a description is needed."""
 
@@ -63,7 +68,8 @@ def kind_of(seen: Sequence[Seen]) -> str:
     if (warm and heats) or (ambient and len(warm) > 1 and len(shares) == 1 and alone):
         return "thermal"
     axes = by_axis(seen)
-    if len(axes) <= _AXES and all(_is_driven(part) for _, part in axes):
+    driven = len(axes) <= _AXES and all(_is_driven(part) for _, part in axes)
+    if driven and not any(_swings(part) for _, part in axes):
         return "drive" if all(_is_told(part) for _, part in axes) else "drive_force"
     return "robot1d" if _goes(columns) else "python"
 
@@ -130,6 +136,23 @@ def _is_driven(seen: Sequence[Seen]) -> bool:
     currents = measured.count("current")
     one = currents <= 1 if efforts == 1 else efforts == 0 and currents == 1  # a current makes it
     return one and places <= 1 and speeds <= 1 and places + speeds > 0
+
+
+def _swings(seen: Sequence[Seen]) -> bool:
+    """Does what the effort moves swing about a place, as a mass on a spring? No axis does."""
+    said = {quantity(words(c.name), c.unit): (s, c.name) for s, c in _varying(seen)}
+    effort = next((said[what] for what in EFFORTS if what in said), None)
+    place = said.get("position")
+    if effort is None or place is None or place[0] != effort[0] or len(list(_varying(seen))) > 2:
+        return False
+    one = seen[place[0]]
+    if one.t is None:
+        return False
+    y = one.values(place[1])
+    found, off = guess_oscillator(one.t, one.values(effort[1]), y)
+    if found is None or off > NEARER**2 * float(np.nanvar(y)):
+        return False
+    return math.sqrt(found.stiffness) * float(np.ptp(one.t)) > SWINGS * math.tau
 
 
 def _is_told(seen: Sequence[Seen]) -> bool:

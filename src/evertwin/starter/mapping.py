@@ -272,6 +272,9 @@ def _first_two(seen: Sequence[Seen]) -> tuple[Match, ...]:
     beside = {c.name: c.unit for c in columns}
     rank = {c.name: told(c.name, c.unit, beside) if c in moving else 0 for c in columns}
     in_steps = {c.name for c in moving if stepped(seen[source].values(c.name))}
+    currents = [n for n in in_steps if quantity(words(n), beside[n]) == "current"]
+    if len(currents) == len(in_steps) == 1:  # a current that was set: the voltage answers
+        rank |= {n: 0 for n in rank if quantity(words(n), beside[n]) == "voltage"}
     drives = max(columns, key=lambda c: (c in moving, rank[c.name], c.name in in_steps))
     rest = [c for c in columns if c is not drives]
     answers = min(rest, key=lambda c: (c not in moving, rank[c.name], c.name in in_steps))

@@ -9,9 +9,10 @@ from importlib.resources import files as resources
 import numpy as np
 
 from evertwin.signals import conversion, si_unit
+from evertwin.starter.oscillator_guess import Oscillator
 from evertwin.starter.proposal import Match
 from evertwin.starter.seen import Seen
-from evertwin.starter.starts import store_of
+from evertwin.starter.store_guess import Store
 
 
 def pump_model(seen: Sequence[Seen], found: Sequence[Match]) -> str:
@@ -25,20 +26,27 @@ def pump_model(seen: Sequence[Seen], found: Sequence[Match]) -> str:
     return template
 
 
-def own_model(seen: Sequence[Seen], found: Sequence[Match], period: float | None) -> str:
-    """The file's text, in the SI units of what drives and what answers; 1 where nobody says. Rows
-    without stamps are ``period`` [s] apart."""
+def own_model(found: Sequence[Match], start: Store | Oscillator) -> str:
+    """The file's text, in the SI units of what drives and what answers; 1 where nobody says."""
     units = {match.channel: si_unit(match.unit) for match in found}
     u, y = (units.get(name, "1") for name in ("u", "y"))
-    text = _template("model.py.txt").replace("<u>", u).replace("<y>", y)
     per = f"({u})" if set(u) & set("/* ") else u
-    for name, unit in (("gain", y if u == "1" else f"{y}/{per}"), ("constant", y)):
-        text = text.replace(f"<{name}>", f"{unit}/s")
-    start = store_of(found, seen, period)
-    for name, value in zip(start._fields, start, strict=True):
+    swings = isinstance(start, Oscillator)
+    text = _template("oscillator.py.txt" if swings else "model.py.txt")
+    text = text.replace("<u>", u).replace("<y>", y).replace("<speed>", f"{y}/s")
+    cube = "1" if y == "1" else f"({y})^2"
+    said = {
+        "gain": y if u == "1" else f"{y}/{per}", "constant": y,
+        "hardening": "1" if y == "1" else f"1/{cube}",
+    }  # fmt: skip
+    for name, unit in said.items():
+        text = text.replace(f"<{name}>", f"{unit}/s^2" if swings else f"{unit}/s")
+    for name, value in start._asdict().items():
         most = 10.0 ** math.ceil(math.log10(max(abs(value), 1.0)) + 3)
         text = text.replace(f"<{name} start>", f"{value:.3g}")
+        text = text.replace(f"<{name} least>", f"{value / 1000.0:.0e}")
         text = text.replace(f"<{name} most>", f"{most:.0e}")
+        text = text.replace(f"<{name} kept>", "" if value else ", editable=False")
     return text
 
 

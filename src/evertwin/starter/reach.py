@@ -22,10 +22,16 @@ from evertwin.types import Outputs, ParameterVector, Vector
 
 ROWS = 20_000
 """Rows that it is told from."""
+LOOKS = (1, 2, 4, 8, 16)
+"""Rows after which it is looked at what a command has made."""
 CHANGES = 20
 """Changes of the commands below which it is not told when these come."""
 PLAIN = 3.0
 """Times the noise that a row more of delay makes of a row, from which on its change counts."""
+SILENT = 1e-3
+"""Of what a row of delay makes: noise where a recording has none."""
+UNLIKE = 2.0
+"""Times what it can be, from which on a scatter is that of a model that is off otherwise."""
 QUARTER = 0.25
 """Median distance of a uniform variate within [0, 1] from its median."""
 
@@ -68,8 +74,13 @@ def between(
     if not len(model.states):
         return np.zeros(len(model.outputs))
     made = np.sqrt(np.nanmean(np.square(_moved(model, p, windows, horizon, 1)[1]), axis=0))
-    apart = (_apart(*_moved(model, p, windows, 1e-9, rows), level) for rows in (1, -1))
-    return np.asarray(made * max(apart) / math.sqrt(3.0))
+    period = float(np.median(np.diff(np.concatenate([window.t for window in windows])))) * 1e-9
+    for rows in LOOKS:  # what accelerates answers a row too late
+        ahead = max(rows * period - 0.5 * period, 1e-9)
+        apart = [_apart(*_moved(model, p, windows, ahead, late), level) for late in (1, -1)]
+        if not all(map(math.isnan, apart)):
+            return np.asarray(made * np.nanmax(apart) / math.sqrt(3.0))
+    return np.asarray(made / math.sqrt(3.0))
 
 
 def _moved(
@@ -89,14 +100,16 @@ def _moved(
 
 def _apart(off: Outputs, made: Outputs, level: Vector) -> float:
     """How far apart in a row the commands come, from 0 (all at one time) to 1 (at any time of it):
-    by the scatter of how late each is, in rows, without that of noise; 1 where few tell."""
-    size = np.where(level > 0.0, level, np.inf)
-    off, made = (np.nan_to_num(one / size) for one in (off, made))
+    by the scatter of how late each is, in rows, without that of noise. NaN where few tell; 0 where
+    it is more than a row can hold: what is off then is no matter of when."""
+    least = SILENT * np.sqrt(np.nanmean(np.square(made), axis=0)) + 1e-300
+    off, made = (np.nan_to_num(one / np.maximum(level, least)) for one in (off, made))
     weight = np.square(made).sum(axis=1)
     plain = weight > PLAIN**2
     if np.count_nonzero(plain) < CHANGES:
-        return 1.0
+        return math.nan
     late = (off * made).sum(axis=1)[plain] / weight[plain]
     noisy = 0.6745**2 * np.median(1.0 / weight[plain])
     scatter = np.median(np.abs(late - np.median(late))) ** 2 - noisy
-    return float(np.clip(math.sqrt(max(scatter, 0.0)) / QUARTER, 0.0, 1.0))
+    apart = math.sqrt(max(scatter, 0.0)) / QUARTER
+    return min(apart, 1.0) if apart < UNLIKE else 0.0

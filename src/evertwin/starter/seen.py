@@ -18,6 +18,7 @@ from evertwin.publishers.ros_spec import RosOutSettings
 from evertwin.sources.description import ColumnInfo, Info, TableInfo
 from evertwin.sources.exported import parts_of
 from evertwin.sources.info import inspect
+from evertwin.sources.names import sampled
 from evertwin.sources.recording import open_recording
 from evertwin.sources.stamps import NO_STAMP, to_ns
 from evertwin.sources.table import Recording
@@ -32,8 +33,6 @@ LOST = 0.5
 HELD, UNEVEN = 0.5, 2.0
 """Share of the rows that repeat the one before, and longest step over shortest without the rarest
 twentieths, from which on a table is not sampled: it says what holds until it says more."""
-PERIODS = ("ts", "dt", "t_s", "sampling_time", "sample_time")
-"""Names of a column that holds one number: seconds from row to row."""
 COUNTED = {
     "sample", "samples", "index", "idx", "row", "record", "nr", "no", "number", "seq", "count",
     "counter", "line", "zeile", "point", "unnamed",
@@ -61,6 +60,8 @@ class Seen:
     """Their numbers, (n, columns)."""
     theme: str = ""
     """What its name says of its columns, which those of the others do not say of theirs."""
+    every: float | None = None
+    """Seconds from row to row, where a person says it of rows without stamps."""
 
     @property
     def columns(self) -> tuple[ColumnInfo, ...]:
@@ -83,11 +84,12 @@ class Seen:
 
     @property
     def period(self) -> float | None:
-        """Seconds from row to row: of the column of time, or what a constant column says."""
-        if self.table.time is not None:
-            return self.table.time.period
-        said = (c.low for c in self.columns if c.name.lower() in PERIODS and c.low == c.high)
-        return next((value for value in said if value > 0.0), None)
+        """Seconds from row to row: of the column of time, or what a person or a constant column
+        says."""
+        if self.table.time is not None or self.every is not None:
+            return self.every if self.table.time is None else self.table.time.period
+        said = (sampled(c.name, c.low) for c in self.columns if c.low == c.high)
+        return next((value for value in said if value is not None), None)
 
     @cached_property
     def shared(self) -> frozenset[str]:

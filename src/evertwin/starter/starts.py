@@ -12,6 +12,7 @@ from evertwin.machines.thermal import POWER, ThermalBox
 from evertwin.models import Model
 from evertwin.signals import to_si
 from evertwin.starter.foretold import buried
+from evertwin.starter.oscillator_guess import Oscillator, guess_oscillator
 from evertwin.starter.proposal import ASK, Match
 from evertwin.starter.seen import Seen
 from evertwin.starter.store_guess import UNKNOWN, Store, guess_store
@@ -20,16 +21,24 @@ from evertwin.types import Vector
 HEATER, QUICK = 0.1, 50.0
 """Of a box: the heater's capacity as a share of the box's, and so many times as fast as the box the
 heater takes its heat to it."""
+NEARER = 0.5
+"""Share of what a store's run is off by up to which one that swings is taken."""
 STRETCHES = 60
 """Of an axis: stretches of the recording that its numbers are told from, at least."""
 STILL = 0.02
 """Share of its usual fastest speed up to which it does not move."""
 
 
-def store_of(found: Sequence[Match], seen: Sequence[Seen], period: float | None) -> Store:
-    """Of a store of one's own, by what drives and what answers."""
+def own_of(
+    found: Sequence[Match], seen: Sequence[Seen], period: float | None
+) -> Store | Oscillator:
+    """Of a model of one's own, by what drives and what answers: a store, or a mass on a spring
+    where that runs far nearer to the recording."""
     told = _columns(("u", "y"), found, seen, period)
-    return UNKNOWN if told is None else guess_store(*told)
+    if told is None:
+        return UNKNOWN
+    (store, leaks), (spring, swings) = guess_store(*told), guess_oscillator(*told)
+    return spring if spring is not None and swings < NEARER**2 * leaks else store
 
 
 def starts_of(
@@ -58,7 +67,7 @@ def _box(
 ) -> dict[str, float]:
     """A store of what it is warmer by than the room. Heater and box can change places: from afar a
     fit ends with a heater that is slower than what it heats."""
-    store = guess_store(t, heater, box - room)
+    store, _ = guess_store(t, heater, box - room)
     if not (store.gain > 0.0 and store is not UNKNOWN):
         return {}
     capacity = float(model.parameters.values[POWER]) / store.gain

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -30,8 +31,9 @@ class Store(NamedTuple):
 UNKNOWN = Store(1.0, 1.0, 0.0)
 
 
-def guess_store(t: Vector, u: Vector, y: Vector) -> Store:
-    """The store whose free run is nearest to a recording, of `LEAKS` leaks.
+def guess_store(t: Vector, u: Vector, y: Vector) -> tuple[Store, float]:
+    """The store whose free run is nearest to a recording, of `LEAKS` leaks, and the mean square by
+    which it is off.
 
     Of each leak the rest is linear: what the input and a constant fill, and the level at the start.
 
@@ -43,7 +45,7 @@ def guess_store(t: Vector, u: Vector, y: Vector) -> Store:
     >>> t = np.arange(400) * 0.5
     >>> u = (t % 60 < 30) * 2.0
     >>> y = scipy.signal.lfilter([0.0, 0.25], [1.0, -0.95], u) + 20.0
-    >>> found = guess_store(t, u, y)
+    >>> found, _ = guess_store(t, u, y)
     >>> f"{found.gain:.1f} {found.leak:.1f} {found.constant:.0f}"
     '0.5 0.1 2'
     """
@@ -52,7 +54,7 @@ def guess_store(t: Vector, u: Vector, y: Vector) -> Store:
     span = float(t[-1] - t[0]) if len(t) > 1 else 0.0
     bins = min(BINS, len(t))
     if not span > 0.0 or bins < 8 or not np.ptp(u) > 0.0:
-        return UNKNOWN
+        return UNKNOWN, math.inf
     place = np.minimum(((t - t[0]) * (bins / span)).astype(int), bins - 1)
     rows = np.maximum(np.bincount(place, minlength=bins), 1e-9)
     held = np.maximum.accumulate(np.where(rows >= 1.0, np.arange(bins), 0))  # a bin without rows
@@ -64,7 +66,7 @@ def guess_store(t: Vector, u: Vector, y: Vector) -> Store:
         columns = np.column_stack([*scipy.signal.lfilter(*filter_, into), rest ** np.arange(bins)])
         size = np.linalg.norm(columns, axis=0) + 1e-300
         numbers = np.linalg.lstsq(columns / size, y, rcond=None)[0] / size
-        off = float(np.square(columns @ numbers - y).sum())
+        off = float(np.square(columns @ numbers - y).mean())
         if off < least:
             found, least = Store(float(numbers[0]), float(leak), float(numbers[1])), off
-    return found
+    return found, least
