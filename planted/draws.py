@@ -15,8 +15,12 @@ import pytest
 def first_of(names: str | Sequence[str], draws: Iterable[Any]) -> pytest.MarkDecorator:
     """`parametrize`, the draws behind the first marked `long`."""
     first, *others = draws
-    later = [
-        pytest.param(*(draw if isinstance(draw, tuple) else (draw,)), marks=pytest.mark.long)
-        for draw in others
-    ]
-    return pytest.mark.parametrize(names, [first, *later])
+    return pytest.mark.parametrize(names, [first, *map(_later, others)])
+
+
+def _later(draw: Any) -> Any:
+    """A value, several of them, or a `pytest.param`."""
+    if isinstance(draw, tuple) and hasattr(draw, "marks"):
+        return pytest.param(*draw.values, marks=[*draw.marks, pytest.mark.long], id=draw.id)
+    values = draw if isinstance(draw, tuple) else (draw,)
+    return pytest.param(*values, marks=pytest.mark.long)

@@ -36,7 +36,7 @@ def world(seed: int, rows: int = 400) -> dict[str, np.ndarray]:
     return {"t": np.arange(float(rows)), "v": np.r_[v[1:], v[-1:]], "x": x}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_band_holds_the_share_that_it_says() -> None:
     inside = np.zeros(2)
     for seed in range(40):

@@ -155,6 +155,7 @@ def verdict(found: Proposal, unseen: Block) -> str | None:
     return trial.step(trial.init(), np.stack(pairs, axis=1))[1]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("robot", [2])
 def test_mrclam_lag_and_slip_but_no_table(data_set: Callable[[str], Path], robot: int) -> None:
     rows = mrclam(data_set("mrclam6"), robot)

@@ -66,6 +66,7 @@ def test_segments_that_one_map_tells_are_put_together(seed: int) -> None:
     assert trajectory_error(maps[0].graph.poses, truth[maps[0].keys]).absolute < 0.15
 
 
+@pytest.mark.long
 @first_of("seed", [0, 2, 3, 4])
 def test_segments_of_corners_that_are_alike_stay_apart(seed: int) -> None:
     """None of the three saw much of another: two of them were put upon each other."""
@@ -75,6 +76,7 @@ def test_segments_of_corners_that_are_alike_stay_apart(seed: int) -> None:
     assert max(off) < 0.2
 
 
+@pytest.mark.long
 @first_of("seed", [0, 2, 3])
 def test_a_segment_is_not_put_where_its_way_does_not_lead(seed: int) -> None:
     """A corridor's ends may be alike; which way the robot came through it is known."""

@@ -89,7 +89,7 @@ def test_another_unit_is_named_and_not_learned(
     assert not result.of_kind("promoted", "tuned")
 
 
-@pytest.mark.parametrize(("number", "shift"), [(1.0, 8.0), (1.4, 16.0)])
+@first_of(("number", "shift"), [(1.0, 8.0), (1.4, 16.0)])
 def test_what_leaps_as_no_number_of_the_machine_makes_it_is_not_learned(
     tmp_path: Path, number: float, shift: float
 ) -> None:
@@ -175,6 +175,7 @@ def test_a_kiln_that_loses_more_heat_is_tuned(tmp_path: Path) -> None:
     assert not [e for e in result.of_kind("abnormal") if "number" in e.evidence]
 
 
+@pytest.mark.long
 def test_a_command_that_has_its_usual_levels_is_in_no_other_unit(tmp_path: Path) -> None:
     result = lived(tmp_path, fired(power=0.28))
     assert result.of_kind("tuned")
@@ -240,6 +241,7 @@ def off_by(folder: Path, shift: float, monkeypatch: pytest.MonkeyPatch) -> bool:
     return bool(told and said in told[0].reason and not result.of_kind("promoted"))
 
 
+@pytest.mark.long
 def test_an_offset_of_an_input_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert off_by(tmp_path, -6.0, monkeypatch)
 

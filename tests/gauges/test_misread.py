@@ -79,7 +79,7 @@ CASES = [
 ]
 
 
-@pytest.mark.parametrize(("change", "said"), CASES)
+@first_of(("change", "said"), CASES)
 def test_a_channel_read_wrongly_from_the_middle_on_is_named_and_not_learned(
     change: Callable[[Columns, slice], None], said: str
 ) -> None:
@@ -90,7 +90,7 @@ def test_a_channel_read_wrongly_from_the_middle_on_is_named_and_not_learned(
     assert all(e.row < HALF for e in result.of_kind("promoted", "corrected"))
 
 
-@pytest.mark.parametrize(("change", "said"), CASES[::3])
+@first_of(("change", "said"), CASES[::3])
 def test_so_is_one_that_was_never_read_rightly(
     change: Callable[[Columns, slice], None], said: str
 ) -> None:

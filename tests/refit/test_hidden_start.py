@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from evertwin import FunctionModel, Layout, Parameters, RunResult, Twin, TwinSpec
 from evertwin.anomaly.spec import AnomalySpec
@@ -47,7 +46,7 @@ def cell(seed: int, start: float | str) -> RunResult:
         return twin.run(data)
 
 
-@pytest.mark.parametrize("start", ["charged", 0.9])
+@first_of("start", ["charged", 0.9])
 @first_of("seed", range(3))
 def test_a_change_is_told_and_tuned(seed: int, start: float | str) -> None:
     result = cell(seed, start)

@@ -130,7 +130,7 @@ def test_a_unit_keeps_its_prefix() -> None:
     assert {name: said_unit(name) for name in said} == said
 
 
-@pytest.mark.parametrize(
+@first_of(
     ("heading", "answers"),
     [
         ("ts,tank_temp_degC,room_temp_degC,heater_duty_pct", {}),

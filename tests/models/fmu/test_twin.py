@@ -59,7 +59,7 @@ def test_it_is_tuned_and_promoted_and_survives_a_crash(tmp_path: Path) -> None:
     model.close()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_it_is_corrected_and_promoted(tmp_path: Path) -> None:
     """The real drive loses a fifth of the force, which no parameter of the FMU can say."""
     model = fmu(build(tmp_path), outputs=["x", "v"])
