@@ -58,7 +58,7 @@ def hardening(seed: int, rows: int = 6000, rate: float = 400.0) -> tuple[np.ndar
 
 def test_a_spring_that_hardens_ends_in_a_twin_that_fits(tmp_path: Path) -> None:
     u, y = hardening(1)
-    lines = [f"{a:.6g},{b:.6g}" for a, b in zip(u, y, strict=True)]
+    lines = [f"{a:.6g},{b + 40.0:.6g}" for a, b in zip(u, y, strict=True)]  # rests anywhere
     (tmp_path / "log.csv").write_text("\n".join(["drive,answer", *lines]))
     twin = tmp_path / "twin.toml"
     write_starter([tmp_path / "log.csv"], twin, ("", None), False, False, ("", ["log.rate=400 Hz"]))
@@ -67,3 +67,4 @@ def test_a_spring_that_hardens_ends_in_a_twin_that_fits(tmp_path: Path) -> None:
     told = Twin(twin).run().parameters
     assert told["stiffness"].value == pytest.approx((math.tau * 20.0) ** 2, rel=0.05)
     assert told["hardening"].value == pytest.approx(0.3 * (math.tau * 20.0) ** 2, rel=0.3)
+    assert told["rest"].value == pytest.approx(40.0, abs=0.05)

@@ -22,7 +22,7 @@ FEWEST = 40
 PLAIN = 0.7
 """Share of what is left without a cube of the place up to which one counts."""
 TIMES = 3
-"""Estimates, each with the run of the one before as its instruments."""
+"""Estimates, each with the run, or the place of rest, of the one before."""
 
 
 Numbers: TypeAlias = Float64[np.ndarray, "numbers"]
@@ -31,8 +31,8 @@ Pole: TypeAlias = tuple[float, float]
 
 
 class Oscillator(NamedTuple):
-    """Numbers of d²y/dt² = gain u − stiffness y − hardening y³ − damping dy/dt + constant, in SI
-    units.
+    """Numbers of d²y/dt² = gain u − stiffness d − hardening d³ − damping dy/dt with d = y − rest, in
+    SI units.
 
     >>> Oscillator(2.0, 100.0, 0.5, 0.0, 0.0).stiffness
     100.0
@@ -43,7 +43,7 @@ class Oscillator(NamedTuple):
     damping: float
     hardening: float
     """0: none is told by the recording."""
-    constant: float
+    rest: float
 
 
 def guess_oscillator(t: Vector, u: Vector, y: Vector) -> tuple[Oscillator | None, float]:
@@ -74,14 +74,16 @@ def guess_oscillator(t: Vector, u: Vector, y: Vector) -> tuple[Oscillator | None
     best = min(poles, key=lambda pole: poles[pole], default=None)
     if best is None or not math.isfinite(poles[best]):
         return None, math.inf
-    with_cubes = (_nearest(best, step, y, u), _nearest(best, step, y, u, y**3))
-    (pole, numbers, off), (its, cubed, rest) = with_cubes
-    (gain, constant), hardening = numbers[:2], 0.0
-    if rest < PLAIN**2 * off:
-        pole, off, (gain, hardening, constant) = its, rest, cubed[:3]
+    pole, (gain, constant, *_), off = _nearest(best, step, y, u)
+    rest, hardening = constant / pole[0], 0.0
+    for _ in range(TIMES):  # cubes are of the place from where it rests, which they move
+        its, (force, cube, constant, *_), left = _nearest(pole, step, y, u, (y - rest) ** 3)
+        if hardening == 0.0 and not left < PLAIN**2 * off:
+            break
+        pole, gain, hardening, off, rest = its, force, -cube, left, constant / its[0]
     if not _swings(*pole, 1.1):
         return None, math.inf
-    return Oscillator(float(gain), *pole, 0.0 - float(hardening), float(constant)), off
+    return Oscillator(float(gain), *pole, float(hardening), float(rest)), off
 
 
 def driven(stiffness: float, damping: float, step: float, force: Vector) -> Vector:

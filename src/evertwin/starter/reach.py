@@ -21,7 +21,9 @@ from evertwin.signals import wrap
 from evertwin.types import Outputs, ParameterVector, Vector
 
 ROWS = 20_000
-"""Rows that it is told from."""
+"""Rows that it is told from, at most."""
+ENOUGH = 500
+"""Rows that tell it, of which a third is looked at."""
 LOOKS = (1, 2, 4, 8, 16)
 """Rows after which it is looked at what a command has made."""
 CHANGES = 20
@@ -52,7 +54,7 @@ def unforeseen(spec: TwinSpec) -> float:
             count += len(block.t)
             if count >= ROWS:
                 break
-        rows = first(tuple(windows), ROWS)
+        rows = first(tuple(windows), min(ROWS, max(count // 3, ENOUGH)))  # it may change later
         level = np.nan_to_num(noise(setup, model, p, rows)) * np.where(setup.adopts, 2**0.5, 1.0)
         found = np.hypot(level, between(model, p, rows, setup.horizon, level))
     except (DataError, ModelError):  # the file is written all the same
