@@ -62,18 +62,18 @@ class Problem(NamedTuple):
     """Indicator's units per distance."""
 
 
-def scaled(indicator: Indicator, most: int = MOST) -> Problem | str:
-    """The problem with at most ``most`` values (0: all), or what is missing, in words."""
+def scaled(indicator: Indicator, most: int = MOST, least: int = LEAST) -> Problem | str:
+    """The problem with at most ``most`` values (0: all), or what is missing of ``least``."""
     life = indicator.since_replaced()
     clock = life.at if life.usage is None else life.usage
     good = np.isfinite(life.value)
     for array in life.covariates.values():
         good &= np.isfinite(array)
     different = len(np.unique(clock[good]))
-    if different < LEAST:
+    if different < least:
         return (
-            f"at least {LEAST} values at different times since the component was new or replaced, "
-            f"{LEAST - different} more than there are"
+            f"at least {least} values at different times since the component was new or replaced, "
+            f"{least - different} more than there are"
         )
     origin = clock[good][0] if life.origin is None or life.usage is not None else life.origin
     age = float(clock[-1] - origin)

@@ -18,6 +18,8 @@ from evertwin.prognosis.laws.onset import SHORT, medians, without_covariates
 from evertwin.prognosis.laws.scaled import scaled
 from evertwin.types import Float64
 
+LEAST = 2
+"""Values that tell where a machine is on the way of others."""
 TANGENT = 0.25
 """Share of an age, the newest, that its tangent is drawn over."""
 
@@ -87,7 +89,7 @@ def way_of(indicator: Indicator, end: float = np.nan) -> Way | None:
         indicator: its current life counts, free of covariates.
         end: its life, on the law's clock.
     """
-    problem = scaled(indicator, most=0)
+    problem = scaled(indicator, most=0, least=LEAST)
     if isinstance(problem, str):
         return None
     y = (without_covariates(problem) - problem.limit) * problem.scale
