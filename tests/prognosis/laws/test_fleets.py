@@ -7,7 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evertwin.prognosis.laws import Indicator, Limit, Maintenance, learn
+from evertwin.prognosis.laws import (
+    Indicator,
+    Life,
+    Limit,
+    Maintenance,
+    NotEnough,
+    learn,
+    predict_life,
+)
 from evertwin.prognosis.laws.alarms import alarm_of
 from planted.draws import first_of
 
@@ -52,6 +60,24 @@ def test_a_fleet_of_few_rows_a_life_comes_late_to_no_level(rows: int) -> None:
             found.append((life.median / left, life.interval80[0] <= left <= life.interval80[1]))
     assert np.median([ratio for ratio, _ in found]) == pytest.approx(1.0, abs=0.05)
     assert sum(inside for _, inside in found) >= 9
+
+
+@pytest.mark.parametrize("share", [0.2, 0.3])
+def test_a_fleet_needs_two_values_of_a_machine(share: float) -> None:
+    rng = np.random.default_rng(3)
+
+    def pads(life: float) -> Indicator:
+        at = np.arange(0.0, 1.3, 0.1) * 60000.0
+        value = 12.0 - 9.0 * at / life + 0.1 * rng.standard_normal(len(at))
+        return Indicator.of("pads", "mm", Limit(3.0, "below"), at, value)
+
+    fleet = learn([pads(60000.0 * np.exp(0.1 * rng.standard_normal())) for _ in range(12)])
+    few = pads(60000.0).until(60000.0 * share)
+    life = predict_life(few, fleet=fleet)
+    assert isinstance(life, Life)
+    low, high = life.interval80
+    assert low <= 60000.0 * (1.0 - share) <= high < 4.0 * low
+    assert isinstance(predict_life(few.until(0.0), fleet=fleet), NotEnough)
 
 
 def test_like_machines_that_began_worn_tell_no_pace() -> None:
