@@ -62,6 +62,23 @@ def test_a_fleet_of_few_rows_a_life_comes_late_to_no_level(rows: int) -> None:
     assert sum(inside for _, inside in found) >= 9
 
 
+def test_a_run_in_is_no_level_that_like_machines_are_looked_up_at() -> None:
+    rng = np.random.default_rng(4)
+
+    def bearing(life: float, high: float) -> Indicator:
+        at = np.linspace(0.0, 1.05 * life, 400)
+        calm = 1.0 + high * np.exp(-at / (0.03 * life))
+        value = calm + 2.0 * np.maximum(at / life - 0.6, 0.0) / 0.4
+        return Indicator.of("rms", "g", Limit(3.0), at, value + 0.02 * rng.standard_normal(400))
+
+    lives = 500.0 * np.exp(0.2 * rng.standard_normal(10))
+    fleet = learn([bearing(life, rng.uniform(0.0, 0.2)) for life in lives])
+    for share in (0.7, 0.8):
+        life = told(bearing(500.0, 1.2).until(500.0 * share), fleet)
+        assert life.interval80[0] <= 500.0 * (1.0 - share) <= life.interval80[1]
+        assert life.median == pytest.approx(500.0 * (1.0 - share), rel=0.25)
+
+
 @pytest.mark.parametrize("share", [0.2, 0.3])
 def test_a_fleet_needs_two_values_of_a_machine(share: float) -> None:
     rng = np.random.default_rng(3)
