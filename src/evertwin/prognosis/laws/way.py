@@ -102,6 +102,8 @@ def way_of(indicator: Indicator, end: float = np.nan) -> Way | None:
     long = int(np.clip(len(y) // 3, 1, LONG))
     base = medians(y, long)[long - 1 :]
     noise = RUN_IN * noise_of(y) / np.sqrt(long)
-    lowest = int(np.argmax(base <= base.min() + noise)) + long // 2
+    lowest = width - 1  # before it stand medians of fewer values
+    if base[0] > base.min() + noise:
+        lowest = int(np.argmax(base <= base.min() + noise)) + long // 2
     level[:lowest] = np.minimum(level[:lowest], level[lowest])
     return Way(age, np.maximum.accumulate(level), end, age - medians(age, width))
