@@ -17,7 +17,6 @@ from evertwin.prognosis.laws import (
     predict_life,
 )
 from evertwin.prognosis.laws.alarms import alarm_of
-from planted.draws import first_of
 
 from .test_predicted_life import machine, told
 
