@@ -81,6 +81,15 @@ def test_a_limit_on_the_wrong_side_of_a_twins_indicator_is_asked_back(
                       folder=str(tmp_path))).life()  # fmt: skip
 
 
+def test_a_noisy_health_that_begins_near_zero_is_believed(tmp_path: Path) -> None:
+    for seed in range(20):
+        y = 0.25 * np.random.default_rng(seed).standard_normal(300)
+        y[40:45], y[45] = 0.25 + 0.01 * np.arange(5), 0.0003  # as five of many may lie together
+        file = tmp_path / "h.csv"
+        file.write_text("run,x\n" + "\n".join(f"{k},{x:.6f}" for k, x in enumerate(y)))
+        assert life_of_series(Series(file, 3.0)).components["x"].life.onset is None
+
+
 def test_what_only_looks_odd_is_believed(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     wear = [f"{k},{max(1e-5, 0.002 * k) * (1 + 0.01 * rng.normal()):.6f}" for k in range(200)]

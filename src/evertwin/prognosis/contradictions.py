@@ -33,6 +33,8 @@ APART, YEARS = 10.0, 5.0
 stands between others in the file, beyond the former alone."""
 LONE = 1000.0
 """A count lies far off beyond so many times the span of the others."""
+STEPS = 6.0
+"""Usual steps from one value to the next that no value is a slip within."""
 SMALL = 0.05
 """Share of the rows that may lie far off in time together."""
 FACTORS, ALIKE, MOST, NEAR_ZERO = (25.4, 1000.0, 14.5), 0.25, 0.8, 0.05
@@ -159,10 +161,11 @@ def check_values(table: Table, name: str, value: Vector, since: np.ndarray) -> N
     """
     for life in np.unique(since):
         own = np.flatnonzero((since == life) & np.isfinite(value))
+        usually = STEPS * float(np.median(np.abs(np.diff(value[own])))) if len(own) > FEW else 0.0
         for place, k in enumerate(own.tolist() if len(own) > FEW else ()):
             near = value[own[max(place - FEW, 0) : place] if place >= FEW else own[1 : FEW + 1]]
             usual, here = float(np.median(np.abs(near))), abs(float(value[k]))
-            if not (np.ptp(near) < 0.5 * usual and here > 0.0):
+            if not (np.ptp(near) < 0.5 * usual and here > 0.0 and abs(here - usual) > usually):
                 continue  # they pass zero, or scatter as much: any value may follow
             if here > FAR * usual or usual > FAR * here:
                 raise DataError(

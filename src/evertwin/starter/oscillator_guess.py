@@ -31,7 +31,7 @@ Pole: TypeAlias = tuple[float, float]
 
 
 class Oscillator(NamedTuple):
-    """Numbers of d²y/dt² = gain u − stiffness d − hardening d³ − damping dy/dt with d = y − rest, in
+    """Numbers of d²y/dt² = gain u − stiffness d − hardening d³ − damping dy/dt, d = y − rest, in
     SI units.
 
     >>> Oscillator(2.0, 100.0, 0.5, 0.0, 0.0).stiffness

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.stats import invgauss
@@ -137,26 +139,28 @@ def test_the_filter_whitens_as_the_covariance_says() -> None:
     assert np.allclose(quiet.gram[0], found.gram[0]) and np.isclose(quiet.logs[0], found.logs[0])
 
 
-@pytest.mark.parametrize("kernel", ["drifting", "neighbours"])
-def test_compiled_code_does_what_plain_code_does(kernel: str) -> None:
-    y = np.random.default_rng(7).standard_normal(40)
+def test_compiled_code_does_what_plain_code_does() -> None:
+    def run(function: Any) -> np.ndarray:
+        found = np.zeros((3, len(R)))
+        cov = np.array([[0.1, 0.05, 0.2], [1e-6, 0.0, 0.1], [2.0, 1.0, 2.0]])
+        function(np.array([0.5, 0.4, -0.1]), np.ones(3), cov, np.full(3, 0.4),
+                 np.array([1.0, 5.0, 2.0]), np.array([0.02, 0.03]), np.tile(R, (3, 1)),
+                 passage.NODES, passage.SHARES, found)  # fmt: skip
+        return found
 
-    def run(module: object, plain: bool) -> np.ndarray:
-        function = getattr(module, kernel)
-        function = function.plain if plain else function.compiled
-        if kernel == "drifting":
-            found = np.zeros((3, len(R)))
-            cov = np.array([[0.1, 0.05, 0.2], [1e-6, 0.0, 0.1], [2.0, 1.0, 2.0]])
-            function(np.array([0.5, 0.4, -0.1]), np.ones(3), cov, np.full(3, 0.4),
-                     np.array([1.0, 5.0, 2.0]), np.array([0.02, 0.03]), np.tile(R, (3, 1)),
-                     passage.NODES, passage.SHARES, found)  # fmt: skip
-            return found
-        rest = np.empty(40)
-        function(y, 3, rest)
-        return rest
+    both = run(passage.drifting.compiled), run(passage.drifting.plain)
+    assert np.allclose(*both, rtol=1e-12, atol=1e-14)
 
-    module = {"drifting": passage, "neighbours": scaled}[kernel]
-    assert np.allclose(run(module, False), run(module, True), rtol=1e-12, atol=1e-14)
+
+@pytest.mark.parametrize("n", [2, 5, 7, 40])
+def test_a_value_is_compared_with_its_neighbours_one_by_one(n: int) -> None:
+    y = np.random.default_rng(7).standard_normal(n)
+    for i, rest in enumerate(scaled.neighbours(y, 3)):
+        first = max(0, min(i - 3, n - 7))
+        near = np.arange(first, min(first + 7, n))
+        step = np.median(np.diff(y[near]))
+        others = near[near != i]
+        assert rest == y[i] - np.median(y[others] - step * (others - i))
 
 
 def test_metrics_tell_good_from_bad() -> None:

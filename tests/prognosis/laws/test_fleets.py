@@ -7,9 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evertwin.prognosis.laws import Indicator, Limit, Maintenance, learn
+from evertwin.prognosis.laws import (
+    Indicator,
+    Life,
+    Limit,
+    Maintenance,
+    NotEnough,
+    learn,
+    predict_life,
+)
 from evertwin.prognosis.laws.alarms import alarm_of
-from planted.draws import first_of
 
 from .test_predicted_life import machine, told
 
@@ -54,6 +61,41 @@ def test_a_fleet_of_few_rows_a_life_comes_late_to_no_level(rows: int) -> None:
     assert sum(inside for _, inside in found) >= 9
 
 
+def test_a_run_in_is_no_level_that_like_machines_are_looked_up_at() -> None:
+    rng = np.random.default_rng(4)
+
+    def bearing(life: float, high: float) -> Indicator:
+        at = np.linspace(0.0, 1.05 * life, 400)
+        calm = 1.0 + high * np.exp(-at / (0.03 * life))
+        value = calm + 2.0 * np.maximum(at / life - 0.6, 0.0) / 0.4
+        return Indicator.of("rms", "g", Limit(3.0), at, value + 0.02 * rng.standard_normal(400))
+
+    lives = 500.0 * np.exp(0.2 * rng.standard_normal(10))
+    fleet = learn([bearing(life, rng.uniform(0.0, 0.2)) for life in lives])
+    for share in (0.7, 0.8):
+        life = told(bearing(500.0, 1.2).until(500.0 * share), fleet)
+        assert life.interval80[0] <= 500.0 * (1.0 - share) <= life.interval80[1]
+        assert life.median == pytest.approx(500.0 * (1.0 - share), rel=0.25)
+
+
+@pytest.mark.parametrize("share", [0.2, 0.3])
+def test_a_fleet_needs_two_values_of_a_machine(share: float) -> None:
+    rng = np.random.default_rng(3)
+
+    def pads(life: float) -> Indicator:
+        at = np.arange(0.0, 1.3, 0.1) * 60000.0
+        value = 12.0 - 9.0 * at / life + 0.1 * rng.standard_normal(len(at))
+        return Indicator.of("pads", "mm", Limit(3.0, "below"), at, value)
+
+    fleet = learn([pads(60000.0 * np.exp(0.1 * rng.standard_normal())) for _ in range(12)])
+    few = pads(60000.0).until(60000.0 * share)
+    life = predict_life(few, fleet=fleet)
+    assert isinstance(life, Life)
+    low, high = life.interval80
+    assert low <= 60000.0 * (1.0 - share) <= high < 4.0 * low
+    assert isinstance(predict_life(few.until(0.0), fleet=fleet), NotEnough)
+
+
 def test_like_machines_that_began_worn_tell_no_pace() -> None:
     fleet = learn([late(200.0, 0.2, k) for k in range(8)])
     fresh = told(late(200.0, 0.0, 100).until(60.0), fleet)
@@ -70,24 +112,24 @@ def test_few_machines_tell_less_than_many_however_often_they_are_asked() -> None
     assert widths[1] > 1.2 * widths[0]
 
 
-@first_of("seed", range(3))
-def test_members_that_still_run_do_not_narrow_the_answer(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    lives = 100.0 * np.exp(0.3 * rng.standard_normal(30))
-    every = [late(life, 0.0, 1000 * seed + k) for k, life in enumerate(lives)]
-    running = [
-        one.until(rng.uniform(0.3, 0.9) * life)
-        for one, life in zip(every[3:13], lives[3:13], strict=True)
-    ]
-    alone, mixed = learn(every[:3]), learn([*every[:3], *running])
+def test_members_that_still_run_do_not_narrow_the_answer() -> None:
     held, widths = [], []
-    for one, life in zip(every[13:], lives[13:], strict=True):
-        for share in (0.3, 0.5):
-            part = one.until(share * life)
-            left = life - float(part.at[-1])
-            answers = [told(part, fleet).interval80 for fleet in (alone, mixed)]
-            held.append([low <= left <= high for low, high in answers])
-            widths.append([np.log(high / low) for low, high in answers])
+    for draw in range(3):  # one fleet of three says little of a share
+        rng = np.random.default_rng(draw)
+        lives = 100.0 * np.exp(0.3 * rng.standard_normal(20))
+        every = [late(life, 0.0, 1000 * draw + k) for k, life in enumerate(lives)]
+        running = [
+            one.until(rng.uniform(0.3, 0.9) * life)
+            for one, life in zip(every[3:13], lives[3:13], strict=True)
+        ]
+        alone, mixed = learn(every[:3]), learn([*every[:3], *running])
+        for one, life in zip(every[13:], lives[13:], strict=True):
+            for share in (0.3, 0.5):
+                part = one.until(share * life)
+                left = life - float(part.at[-1])
+                answers = [told(part, fleet).interval80 for fleet in (alone, mixed)]
+                held.append([low <= left <= high for low, high in answers])
+                widths.append([np.log(high / low) for low, high in answers])
     by_few, by_all = np.mean(held, axis=0)
     assert by_all >= by_few - 0.1
     narrow, wide = np.median(widths, axis=0)

@@ -353,6 +353,16 @@ def test_a_step_at_a_stop_is_no_onset_and_growth_after_it_is() -> None:
     assert find_onset(worn) is not None
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_what_noise_does_at_many_stops_is_no_shift(seed: int) -> None:
+    t = np.arange(1200.0)
+    at = t + 40.0 * (t // 60.0)  # twenty stops; at one of them the level shifts in truth
+    y = 1.0 + 0.24 * (t >= 600.0) + 0.12 * np.clip((t - 700.0) / 200.0, 0.0, 1.0)
+    noise = 0.04 * np.random.default_rng(seed).standard_normal(1200)
+    onset = find_onset(Indicator.of("rms", "g", Limit(3.0), at, y + noise))
+    assert onset is not None and onset.told > at[700]
+
+
 def test_a_warning_is_withdrawn_and_given_again() -> None:
     level = 0.3 * (np.arange(300) % 150 >= 100)
     history = wear(level, seed=3)

@@ -41,8 +41,8 @@ FEWEST = 20
 VACUOUS = 30.0
 """Upper over lower end of the 80 % interval from which it says nothing."""
 LOW = np.array([-1.42, -0.4, -0.48, 0.0, 1.0])
-HALF = np.array([0.0, -0.55, 0.0, -0.45, 1.1])
-HIGH = np.array([0.4, 0.75, -0.25, 0.0, 0.9])
+HALF = np.array([0.0, -0.95, 0.0, -0.58, 0.94])
+HIGH = np.array([0.35, 0.72, -0.26, 0.0, 0.87])
 """Logarithms of the ends and of the middle of drawn lives over the median of the laws: a constant,
 and what each own, young, own · young and rush adds (`python -m proofs.alone`)."""
 SOONEST = 5.0

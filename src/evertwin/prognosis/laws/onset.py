@@ -40,6 +40,8 @@ SURE = 5.0
 OUTSIDE = 0.03
 GAP = 10.0
 KEEPS = 0.5
+CHANCE = 2.0
+"""Standard deviations up to which the difference of two medians is noise."""
 FEW = 4
 """Steps between medians that tell their scatter."""
 
@@ -119,11 +121,11 @@ def medians(y: Vector, width: int) -> Vector:
 
 
 def _shifted(y: Vector, starts: list[int], width: int) -> Vector:
-    """What stops have raised the level by until each row."""
-    out = np.zeros(len(y))
+    """What stops have raised the level by until each row, beyond what noise does."""
+    out, noise = np.zeros(len(y)), CHANCE * noise_of(y) * np.sqrt(np.pi / width)
     for k in starts:
         step = float(np.median(y[k : k + width]) - np.median(y[max(k - width, 0) : k]))
-        out[k:] += max(step, 0.0)
+        out[k:] += step if step > noise else 0.0
     return out
 
 

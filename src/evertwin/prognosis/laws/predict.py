@@ -46,7 +46,7 @@ from evertwin.prognosis.laws.mixture import COARSE, fine_nodes, mixture, never
 from evertwin.prognosis.laws.onset import SHARE, find_onset
 from evertwin.prognosis.laws.scaled import Problem, noise_of, scaled, steady
 from evertwin.prognosis.laws.swing import without_swing
-from evertwin.prognosis.laws.way import Way, way_of
+from evertwin.prognosis.laws.way import LEAST, Way, way_of
 
 FAR = 20.0
 """A median beyond so many ages is no answer: growth is not told from none."""
@@ -88,7 +88,7 @@ def _predicted(
         none = quantiles(np.zeros(1), np.ones(1))
         return Life(indicator.clock, none, now, passed=failed, failed=True,
                     calendar=indicator.calendar)  # fmt: skip
-    problem = scaled(indicator)
+    problem = scaled(indicator) if fleet is None else scaled(indicator, least=LEAST)
     if isinstance(problem, str):
         return NotEnough(problem)
     even = by_time(indicator)

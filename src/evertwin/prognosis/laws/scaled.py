@@ -14,11 +14,10 @@ in robust standard deviations, exceeds 3.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from evertwin.compiled.functions import njit
 from evertwin.prognosis.laws.indicator import Indicator
 from evertwin.types import Float64, Vector
 
@@ -62,18 +61,18 @@ class Problem(NamedTuple):
     """Indicator's units per distance."""
 
 
-def scaled(indicator: Indicator, most: int = MOST) -> Problem | str:
-    """The problem with at most ``most`` values (0: all), or what is missing, in words."""
+def scaled(indicator: Indicator, most: int = MOST, least: int = LEAST) -> Problem | str:
+    """The problem with at most ``most`` values (0: all), or what is missing of ``least``."""
     life = indicator.since_replaced()
     clock = life.at if life.usage is None else life.usage
     good = np.isfinite(life.value)
     for array in life.covariates.values():
         good &= np.isfinite(array)
     different = len(np.unique(clock[good]))
-    if different < LEAST:
+    if different < least:
         return (
-            f"at least {LEAST} values at different times since the component was new or replaced, "
-            f"{LEAST - different} more than there are"
+            f"at least {least} values at different times since the component was new or replaced, "
+            f"{least - different} more than there are"
         )
     origin = clock[good][0] if life.origin is None or life.usage is not None else life.origin
     age = float(clock[-1] - origin)
@@ -121,9 +120,7 @@ def noise(sigma: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " n"]:
 
 def apart(y: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " n"]:
     """Factor on the variance of values that stand apart from their neighbours."""
-    rest = np.empty(len(y))
-    neighbours(y, REACH, rest)
-    size = np.abs(rest)
+    size = np.abs(neighbours(y, REACH))
     scale = 1.4826 * np.median(size)
     if scale <= 1e-9 * max(size.max(), 1e-300):
         scale = float(size.mean())
@@ -135,30 +132,23 @@ def apart(y: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " n"]:
 
 def noise_of(y: Float64[np.ndarray, " n"]) -> float:
     """Standard deviation of the values around their neighbours, outliers apart."""
-    rest = np.empty(len(y))
-    neighbours(y, REACH, rest)
+    rest = neighbours(y, REACH)
     # The median of six neighbours scatters as well, with about a quarter of one value's variance.
     return float(1.4826 * np.median(np.abs(rest)) / np.sqrt(1.25))
 
 
-@njit(cache=True)
-def neighbours(y: Any, reach: int, rest: Any) -> None:
+def neighbours(y: Float64[np.ndarray, " n"], reach: int) -> Float64[np.ndarray, " n"]:
     """Each value less the median of its neighbours, moved along their median step."""
     n = len(y)
-    for i in range(n):
-        start, stop = max(0, i - reach), min(n, i + reach + 1)
-        start, stop = max(0, min(start, n - 2 * reach - 1)), min(n, max(stop, 2 * reach + 1))
-        steps = np.empty(stop - start - 1)
-        for j in range(start, stop - 1):
-            steps[j - start] = y[j + 1] - y[j]
-        step = np.median(steps)
-        others = np.empty(stop - start - 1)
-        at = 0
-        for j in range(start, stop):
-            if j != i:
-                others[at] = y[j] - step * (j - i)
-                at += 1
-        rest[i] = y[i] - np.median(others)
+    width = min(2 * reach + 1, n)
+    if width < 2:
+        return np.zeros(n)
+    windows = np.lib.stride_tricks.sliding_window_view(y, width)
+    first = np.clip(np.arange(n) - reach, 0, n - width)
+    step = np.median(np.diff(windows, axis=1), axis=1)[first]
+    away = first[:, None] + np.arange(width) - np.arange(n)[:, None]
+    moved = windows[first] - step[:, None] * away
+    return np.asarray(y - np.median(moved[away != 0].reshape(n, width - 1), axis=1))
 
 
 def columns(life: Indicator, good: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -14,10 +14,14 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.prognosis.laws.indicator import Indicator
-from evertwin.prognosis.laws.onset import SHORT, medians, without_covariates
-from evertwin.prognosis.laws.scaled import scaled
+from evertwin.prognosis.laws.onset import LONG, SHORT, medians, without_covariates
+from evertwin.prognosis.laws.scaled import noise_of, scaled
 from evertwin.types import Float64
 
+LEAST = 2
+"""Values that tell where a machine is on the way of others."""
+RUN_IN = 8.0
+"""Standard deviations of independent values by which a baseline lies above the lowest."""
 TANGENT = 0.25
 """Share of an age, the newest, that its tangent is drawn over."""
 
@@ -80,6 +84,8 @@ class Way(NamedTuple):
 def way_of(indicator: Indicator, end: float = np.nan) -> Way | None:
     """How the level rose: medians of the newest values, as the highest one so far; None: too few.
 
+    What lay higher before the lowest level was run-in.
+
     A median tells the level of the middle of its values. With few of them its width differs from
     machine to machine, and so does how late it is.
 
@@ -87,10 +93,17 @@ def way_of(indicator: Indicator, end: float = np.nan) -> Way | None:
         indicator: its current life counts, free of covariates.
         end: its life, on the law's clock.
     """
-    problem = scaled(indicator, most=0)
+    problem = scaled(indicator, most=0, least=LEAST)
     if isinstance(problem, str):
         return None
     y = (without_covariates(problem) - problem.limit) * problem.scale
     width = int(np.clip(len(y) // 4, 1, SHORT))
-    level, age = np.maximum.accumulate(medians(y, width)), problem.s * problem.age
-    return Way(age, level, end, age - medians(age, width))
+    level, age = medians(y, width), problem.s * problem.age
+    long = int(np.clip(len(y) // 3, 1, LONG))
+    base = medians(y, long)[long - 1 :]
+    noise = RUN_IN * noise_of(y) / np.sqrt(long)
+    lowest = width - 1  # before it stand medians of fewer values
+    if base[0] > base.min() + noise:
+        lowest = int(np.argmax(base <= base.min() + noise)) + long // 2
+    level[:lowest] = np.minimum(level[:lowest], level[lowest])
+    return Way(age, np.maximum.accumulate(level), end, age - medians(age, width))
