@@ -3,7 +3,7 @@
 A controller smooths what it reports of a motor's current more than of its angle. All torques then
 lag behind the motion by one time constant, and friction and bodies would be tuned to that. So each
 constant is tried: the motion that lags by it too explains the torques best, each of a joint that
-moves, by what the description predicts, friction and a rotor.
+moves, by what the description predicts, friction and a rotor. How many Nm a current is matters not.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import scipy
 from evertwin.models import Model
 from evertwin.models.batch import mapped
 from evertwin.signals import Channel
+from evertwin.signals.fir import Symmetric
 from evertwin.signals.units import to_si
 from evertwin.starter.proposal import Match, Proposal
 from evertwin.starter.seen import Seen
@@ -28,6 +29,8 @@ NONE = 1e-3
 """Part of a row that is as good as no lag."""
 ROWS, LEAST = 2000, 200
 """Rows, spread over the recording, that it is told by; and of one joint at least."""
+SMOOTHED = 5.0
+"""Cut-off [Hz] of motion and torques alike, where speeds are derived and accelerations twice."""
 LEFT, WORST = 0.7, 1.05
 """Mean share of the squared rest that it leaves at most, and of any joint."""
 ALIKE = 2.0
@@ -44,11 +47,11 @@ def time_constant(
         above: speed from which a joint moves [rad/s].
     """
     matches = {one.channel: one for one in proposal.matches}
-    wanted = (*model.inputs, *model.outputs)
+    wanted, inputs = (*model.inputs, *model.outputs), model.inputs.names
     used = [matches[one.name] for one in wanted if one.name in matches]
     tables = {one.source for one in used}
     t = seen[used[0].source].t if used else None
-    asked = any(not isinstance(one.scale, float) for one in used)
+    asked = any(not isinstance(one.scale, float) for one in used if one.channel in inputs)
     outputs = all(name in matches for name in model.outputs.names)
     if len(tables) != 1 or t is None or asked or not outputs or len(t) < LEAST:
         return None
@@ -59,6 +62,8 @@ def time_constant(
     values = np.column_stack([column for column in columns if column is not None])
     holes = np.flatnonzero(~np.isfinite(values).all(axis=1))
     values = max((part[1:] for part in np.split(values, holes)), key=len)
+    if not inputs[len(model.outputs)] in matches and 2.0 * SMOOTHED * step < 1.0:
+        values = Symmetric.butterworth(SMOOTHED, 1.0 / step).smooth(values)
     found = _told(model, values, step, above) if len(values) >= LEAST else 0.0
     names = (one.name for one in model.inputs if one.name in matches)
     return (found, tuple(names)) if found else None
@@ -72,7 +77,7 @@ def _values(one: Channel, matches: dict[str, Match], table: Seen, step: float) -
         found: Vector = to_si(table.values(match.column) * scale + match.offset, match.unit)
         return found
     before = one.name.replace("qdd", "qd") if "qdd" in one.name else one.name.replace("qd", "q")
-    if before == one.name or before not in matches:
+    if before == one.name:
         return None
     of = _values(Channel(before, "1"), matches, table, step)
     return None if of is None else np.gradient(of, step)
