@@ -30,11 +30,12 @@ NONE = 1e-3
 ROWS, LEAST = 2000, 200
 """Rows, spread over the recording, that it is told by; and of one joint at least."""
 SMOOTHED = 5.0
-"""Cut-off [Hz] of motion and torques alike, where speeds are derived and accelerations twice."""
-LEFT, WORST = 0.7, 1.05
+"""Cut-off [Hz] of both sides: where an acceleration is noisy, any low pass would pay."""
+LEFT, WORST = 0.95, 1.05
 """Mean share of the squared rest that it leaves at most, and of any joint."""
-ALIKE = 2.0
-"""Factor by which either half of the recording may tell another one."""
+MUCH, ALIKE, NEARLY = 0.7, 2.0, 1.25
+"""Factor by which either half of the recording may tell another one where it leaves that much at
+most, and where it leaves more."""
 
 
 def time_constant(
@@ -62,8 +63,6 @@ def time_constant(
     values = np.column_stack([column for column in columns if column is not None])
     holes = np.flatnonzero(~np.isfinite(values).all(axis=1))
     values = max((part[1:] for part in np.split(values, holes)), key=len)
-    if not inputs[len(model.outputs)] in matches and 2.0 * SMOOTHED * step < 1.0:
-        values = Symmetric.butterworth(SMOOTHED, 1.0 / step).smooth(values)
     found = _told(model, values, step, above) if len(values) >= LEAST else 0.0
     names = (one.name for one in model.inputs if one.name in matches)
     return (found, tuple(names)) if found else None
@@ -91,16 +90,20 @@ def _told(model: Model, values: Float64[np.ndarray, "n channels"], step: float,
     predicted = mapped(model, u, np.full(len(u), step), model.parameters.values)
     v, a = u[:, ny : 2 * ny], u[:, 2 * ny : 3 * ny]
     basis = np.stack([predicted, np.sign(v), v, a, np.ones(v.shape)], axis=2)
+    if 2.0 * SMOOTHED * step < 1.0:
+        low = Symmetric.butterworth(SMOOTHED, 1.0 / step)
+        basis, tau = low.smooth(basis.reshape(len(u), -1)).reshape(basis.shape), low.smooth(tau)
     tried = np.concatenate([[NONE * step], np.geomspace(0.25 * step, LONGEST, STEPS)])
     lagging = [_behind(basis, step / one) for one in tried.tolist()]
     rows = np.unique(np.linspace(0, len(u) - 1, ROWS).astype(int))
     half = len(rows) // 2
-    whole, first, second = (
+    (whole, left), (first, _), (second, _) = (
         _best(tried, np.array([_left(one[some], tau[some], np.abs(v[some]) > above)
                                for one in lagging]))
         for some in (rows, rows[:half], rows[half:])
     )  # fmt: skip
-    alike = min(first, second) > 0.0 and max(first, second) <= ALIKE * min(first, second)
+    apart = ALIKE if left <= MUCH else NEARLY
+    alike = min(first, second) > 0.0 and max(first, second) <= apart * min(first, second)
     return float(f"{whole:.2g}") if alike else 0.0
 
 
@@ -113,20 +116,22 @@ def _behind(
     return np.asarray(found)
 
 
-def _best(tried: Vector, lefts: Float64[np.ndarray, "tried ny"]) -> float:
-    """The one that leaves least of all joints, between those tried; 0: it does not pay."""
+def _best(tried: Vector, lefts: Float64[np.ndarray, "tried ny"]) -> tuple[float, float]:
+    """The one that leaves least of all joints, between those tried, and the mean share of the rest
+    that it leaves; 0 and 1: it does not pay."""
     known = np.isfinite(lefts).all(axis=0) & (lefts[0] > 0.0)
     if not known.any():
-        return 0.0
+        return 0.0, 1.0
     share = lefts[:, known] / lefts[0, known]
     score = np.log(share).mean(axis=1)
     best = int(np.argmin(score))
     if score[best] > math.log(LEFT) or share[best].max() > WORST:
-        return 0.0
+        return 0.0, 1.0
     low, high = max(best - 1, 1), min(best + 1, len(tried) - 1)
     bend = score[low] - 2.0 * score[best] + score[high]
     by = 0.5 * (score[low] - score[high]) / bend if bend > 0.0 and low < best < high else 0.0
-    return float(tried[best] * (tried[high] / tried[best]) ** by)
+    found = float(tried[best] * (tried[high] / tried[best]) ** by)
+    return found, math.exp(float(score[best]))
 
 
 def _left(basis: Float64[np.ndarray, "n ny terms"], tau: Outputs,
