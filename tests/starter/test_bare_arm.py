@@ -108,6 +108,7 @@ def test_a_described_arm_is_proposed_what_tells_its_wear(tmp_path: Path) -> None
 @first_of(("seed", "joints"), [(1, 6), (2, 4), (3, 7)])
 def test_counts_of_encoders_are_asked_about(tmp_path: Path, seed: int, joints: int) -> None:
     file, rows = tmp_path / "run.csv", motion(seed, joints)
+    rows[:, 0] *= 1e3
     rows[:, 1 : 1 + 2 * joints] = np.round(rows[:, 1 : 1 + 2 * joints] * 16384.0)
     names = ["ms", *(f"{n}{j + 1}{u}" for n, u in (("enc", ""), ("vel", ""), ("cur", "_mA"))
                      for j in range(joints))]  # fmt: skip
