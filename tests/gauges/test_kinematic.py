@@ -104,10 +104,10 @@ def test_a_speed_that_leaves_its_position_is_no_change_of_the_machine(
 
 @pytest.mark.parametrize(("seed", "moves"), [(1, False), (2, False), (3, False), (1, True)])
 def test_the_noise_of_what_stands_is_no_reading(setup: Setup, seed: int, moves: bool) -> None:
-    """It begins to scatter otherwise; of what moves a speed that says half as much is told."""
+    """What stands all through the newest rows has no speed there; half of one that moves is told."""
     rng, n = np.random.default_rng(seed), 6000
     v = 0.3 * np.sin(1.1 * STEP * np.arange(n)) * moves
-    q, half = np.cumsum(v) * STEP, np.where(np.arange(n) < n // 2, 1.0, 0.5)
+    q, half = np.cumsum(v) * STEP, np.where(np.arange(n) < n // 2, 1.0, 0.5 * moves)
     u = np.zeros((n, len(setup.model.inputs)))
     names = setup.model.inputs.names
     u[:, names.index("position")] = np.round((q + rng.normal(0.0, 2e-5, n)) / 5e-5) * 5e-5

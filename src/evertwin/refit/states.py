@@ -202,7 +202,7 @@ class States:
             for one in (x_new, gain * x_new, x_new + more)
         )
         on = self.setup.watched
-        return np.where(on, np.asarray(read) - alone, 0.0) + alone[on].sum()
+        return np.asarray(np.where(on, np.asarray(read) - alone, 0.0) + alone[on].sum())
 
     def _there(self, names: tuple[str, ...]) -> tuple[str, ...]:
         """Of the numbers of a cause those that the version has; all where it has none yet."""
