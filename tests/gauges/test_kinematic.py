@@ -104,7 +104,7 @@ def test_a_speed_that_leaves_its_position_is_no_change_of_the_machine(
 
 @pytest.mark.parametrize(("seed", "moves"), [(1, False), (2, False), (3, False), (1, True)])
 def test_the_noise_of_what_stands_is_no_reading(setup: Setup, seed: int, moves: bool) -> None:
-    """What stands all through the newest rows has no speed there; half of one that moves is told."""
+    """What stands in all the newest rows has no speed there; half of one that moves is told."""
     rng, n = np.random.default_rng(seed), 6000
     v = 0.3 * np.sin(1.1 * STEP * np.arange(n)) * moves
     q, half = np.cumsum(v) * STEP, np.where(np.arange(n) < n // 2, 1.0, 0.5 * moves)
