@@ -9,7 +9,8 @@ import pytest
 
 from evertwin import Twin
 from evertwin.fold import make_block
-from evertwin.gauges.kinematic import contradicted
+from evertwin.gauges.gauge_rows import Rows
+from evertwin.gauges.kinematic import apart, contradicted
 from evertwin.setup.setup import Setup
 from planted.twins import shipped
 from planted.worlds import record_live
@@ -99,6 +100,25 @@ def test_a_speed_that_leaves_its_position_is_no_change_of_the_machine(
     assert told, [(e.row, e.kind, e.reason) for e in events]
     assert told[0].evidence["number"] == pytest.approx(gauge, rel=0.01)
     assert "promoted" not in {e.kind for e in events}
+
+
+@pytest.mark.parametrize(("seed", "moves"), [(1, False), (2, False), (3, False), (1, True)])
+def test_the_noise_of_what_stands_is_no_reading(setup: Setup, seed: int, moves: bool) -> None:
+    """What stands in all the newest rows has no speed there; half of one that moves is told."""
+    rng, n = np.random.default_rng(seed), 6000
+    v = 0.3 * np.sin(1.1 * STEP * np.arange(n)) * moves
+    q, half = np.cumsum(v) * STEP, np.where(np.arange(n) < n // 2, 1.0, 0.5 * moves)
+    u = np.zeros((n, len(setup.model.inputs)))
+    names = setup.model.inputs.names
+    u[:, names.index("position")] = np.round((q + rng.normal(0.0, 2e-5, n)) / 5e-5) * 5e-5
+    u[:, names.index("speed")] = half * (v + rng.normal(0.0, 1e-3, n))
+    t = np.arange(n) * round(STEP * 1e9)
+    rows = Rows.__new__(Rows)
+    values = {"setup": setup, "windows": (make_block(t=t, u=u, y=np.zeros((n, 1))),),
+              "earlier": (), "since": n // 2, "row": int}  # fmt: skip
+    for name, value in values.items():
+        object.__setattr__(rows, name, value)
+    assert (apart(rows) is not None) == moves
 
 
 def test_a_first_sample_of_zeros_is_no_other_speed(tmp_path: Path) -> None:

@@ -35,16 +35,19 @@ SPEC = TwinSpec(
 
 def run(
     mass: float = 0.0, rubs: float = 0.0, last: float = WENT, seconds: float = SECONDS,
-    spec: TwinSpec = SPEC,
+    spec: TwinSpec = SPEC, reads: float = 1.0, smooth: float = 1.0,
 ) -> tuple[RunResult, Version]:  # fmt: skip
-    """A table that carries ``mass`` and rubs more by ``rubs`` from 40 s on, until ``last``."""
+    """A table that carries ``mass``, rubs more by ``rubs`` and whose sensor ``reads`` so many times
+    as much from 40 s on, until ``last``; ``smooth``: part of the friction that it has."""
     rng = np.random.default_rng(1)
     t = np.arange(round(seconds * RATE)) / RATE
     rates, phases = np.array([0.9, 2.3, 4.1]), rng.uniform(0.0, 6.0, 3)
     v = (0.1 * np.sin(np.outer(t, rates) + phases)).sum(axis=1)
     a = (0.1 * rates * np.cos(np.outer(t, rates) + phases)).sum(axis=1)
     on = (t >= CAME) & (t < last)
-    force = (REST["mass"] + mass * on) * a + 200.0 * v + (20.0 + rubs * on) * np.sign(v)
+    rubbing = 200.0 * v + (20.0 + rubs * on) * np.sign(v)
+    force = (REST["mass"] + mass * on) * a + smooth * rubbing
+    force *= np.where(on, reads, 1.0)
     rows = make_block(
         t=np.round(t * 1e9).astype(np.int64), u=np.stack([v, a], axis=1),
         y=(force + rng.normal(0.0, 0.5, len(t)))[:, None],
@@ -99,6 +102,16 @@ def test_what_rubs_more_is_no_load() -> None:
     own = dict(zip(champion.names, champion.values, strict=True))
     assert own["mass"] == REST["mass"]
     assert own["Fc"] == pytest.approx(28.0, abs=1.0)
+
+
+@pytest.mark.parametrize("reads", [0.75, 1.3])
+def test_a_sensor_that_reads_otherwise_is_no_load(reads: float) -> None:
+    """A mass explains nearly as much, of a table that hardly rubs."""
+    values = {n: v * (0.1 if n in ("Fv", "Fc") else 1.0) for n, v in REST.items()}
+    model = ModelSpec("drive_force", {}, {n: ParameterSpec(value=v) for n, v in values.items()})
+    result, champion = run(reads=reads, smooth=0.1, spec=replace(SPEC, model=model))
+    assert not result.of_kind("state")
+    assert dict(zip(champion.names, champion.values, strict=True))["mass"] == REST["mass"]
 
 
 def test_a_load_that_is_there_for_seconds_is_not_taken_on() -> None:

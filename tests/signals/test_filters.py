@@ -30,6 +30,14 @@ def test_butterworth_is_scipys_forward_and_backward() -> None:
     np.testing.assert_allclose(found[150:450], reference[150:450], atol=2e-3)
 
 
+@pytest.mark.parametrize("rows", [700, 1500])
+def test_whole_windows_are_summed_by_the_weights(rows: int) -> None:
+    x, low = np.random.default_rng(rows).normal(size=rows), Symmetric.butterworth(5.0, 250.0)
+    found = low.smooth(x[:, None])[low.delay : -low.delay, 0]
+    weights = np.concatenate([low.half[:0:-1], low.half])
+    np.testing.assert_allclose(found, np.convolve(x, weights, "valid"), rtol=0, atol=1e-12)
+
+
 @pytest.mark.parametrize("cutoff", [0.0, 50.0, 60.0, 1e-3, -1.0])
 def test_a_cut_off_that_a_stream_cannot_hold_is_refused(cutoff: float) -> None:
     with pytest.raises(UsageError, match="cut-off"):

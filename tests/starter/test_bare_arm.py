@@ -103,3 +103,17 @@ def test_a_described_arm_is_proposed_what_tells_its_wear(tmp_path: Path) -> None
     assert [one.component for one in rules] == [f"joint{j}" for j in range(1, 7)]
     assert all(re.fullmatch(rf"Fc{j} \+ [0-9.]+ \* Fv{j}", str(one.formula))
                for j, one in enumerate(rules, start=1))  # fmt: skip
+
+
+@first_of("seed", [1, 2, 3])
+def test_counts_of_encoders_are_asked_about(tmp_path: Path, seed: int) -> None:
+    file, rows, joints = tmp_path / "run.csv", motion(seed, 6), 6
+    rows[:, 0] *= 1e3
+    rows[:, 1 : 1 + 2 * joints] = np.round(rows[:, 1 : 1 + 2 * joints] * 16384.0)
+    names = ["ms", *(f"{n}{j + 1}{u}" for n, u in (("enc", ""), ("vel", ""), ("cur", "_mA"))
+                     for j in range(joints))]  # fmt: skip
+    np.savetxt(file, rows, fmt="%.3f", delimiter=",", header=",".join(names), comments="")
+    out = file.with_suffix(".toml")
+    write_starter([file], out, ("arm", Path("ur5_like")), True, False)
+    said = re.findall(r'^(qd?)\d = \{ column = "(enc|vel)\d".* scale = "\?"', out.read_text(), re.M)
+    assert said == [("q", "enc")] * joints + [("qd", "vel")] * joints

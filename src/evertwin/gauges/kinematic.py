@@ -57,7 +57,7 @@ def apart(rows: Rows) -> SensorChange | None:
             _share(rows.setup, some, position, speed, angle=bool(angle))
             for some in ((*rows.earlier, *early), late)
         )
-        if was == 0.0:  # it stood all the while: of that the position tells nothing new
+        if not abs(was) > SURE * about:  # it stood, but for noise: the position told nothing of it
             continue
         change = now / was
         if abs(now - was) > max(LITTLE * abs(was), SURE * float(np.hypot(about * change, sure))):

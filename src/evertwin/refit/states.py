@@ -85,8 +85,10 @@ class States:
             shares = self._shares(now, names) if may_be else None
             if shares is None:
                 continue
-            there, others, gone = shares
+            there, others, gone, read = shares
             if there < Rule().enough or 1.0 - there > LEFT * (1.0 - others):
+                continue
+            if read > there:  # one sensor that reads otherwise explains more: no load does that
                 continue
             found = self.known(name, now, gone=gone > there - Rule().part)
             if found is not None:
@@ -160,13 +162,14 @@ class States:
 
     def _shares(
         self, windows: Windows, names: tuple[str, ...]
-    ) -> tuple[float, float, float] | None:
-        """Share of the unseen deviation that the state explains, the next best cause, and the state
-        as it rests; None: there is no deviation."""
+    ) -> tuple[float, float, float, float] | None:
+        """Share of the unseen deviation that the state explains, the next best cause, the state as
+        it rests, and one sensor; None: there is no deviation."""
         causes = {c: self._there(own) for c, own in self.setup.causes.items()}
         own = dict.fromkeys(names)
         rivals = [c for c in causes.values() if c and not own.keys() >= set(c)]
         left, total, resting = np.zeros(1 + len(rivals)), 0.0, 0.0
+        read = np.zeros((2, len(self.setup.model.outputs)))
         halves = self._halves(windows, names)
         for learned, unseen in (halves, halves[::-1]):
             for k, tuned in enumerate((names, *rivals)):
@@ -174,12 +177,32 @@ class States:
                 left[k] += self._off(self.pose(tuned, unseen), values).sum()
             problem = self.pose(names, unseen)
             total += float(self._off(problem, problem.start).sum())
+            read += self._read(self.pose(names, learned), problem)
             rest = np.array([self.setup.model.parameters[n].value for n in names])
             resting += float(self._off(problem, rest).sum())
         if not total > 0.0:
             return None
         others = 1.0 - float(left[1:].min()) / total if rivals else 0.0
-        return 1.0 - float(left[0]) / total, max(others, 0.0), 1.0 - resting / total
+        parts = 1.0 - np.array([left[0], resting, read.min()]) / total
+        return float(parts[0]), max(others, 0.0), float(parts[1]), float(parts[2])
+
+    def _read(self, learned: Problem, unseen: Problem) -> Float64[np.ndarray, "2 ny"]:
+        """Squared residual that is left if one sensor reads so many times as much, or so much more,
+        by what the learned rows say of it; of each output as that one."""
+        (x, y), (x_new, y_new) = (
+            (np.where(one.rows.used, one.rows.y - one.residuals(one.start), np.nan), one.rows.y)
+            for one in (learned, unseen)
+        )
+        gain = np.nansum(x * y, axis=0) / np.maximum(np.nansum(x * x, axis=0), 1e-300)
+        count = np.maximum(np.isfinite(x).sum(axis=0), 1)
+        more = np.nansum(np.where(np.isfinite(x), y - x, np.nan), axis=0) / count
+        size = self._size(y_new)
+        alone, *read = (
+            np.nansum(np.square(y_new - one), axis=0) / size
+            for one in (x_new, gain * x_new, x_new + more)
+        )
+        on = self.setup.watched
+        return np.asarray(np.where(on, np.asarray(read) - alone, 0.0) + alone[on].sum())
 
     def _there(self, names: tuple[str, ...]) -> tuple[str, ...]:
         """Of the numbers of a cause those that the version has; all where it has none yet."""

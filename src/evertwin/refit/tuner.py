@@ -23,6 +23,7 @@ from evertwin.refit.answering import changed_since, event, not_told
 from evertwin.refit.judgement import NEARLY_ALL
 from evertwin.refit.newest import after
 from evertwin.refit.physical import physically
+from evertwin.refit.standing import without_standing
 from evertwin.setup.evaluation import left
 from evertwin.setup.setup import Setup
 from evertwin.setup.task import Task
@@ -61,6 +62,8 @@ class Tuner:
         """The tuning problem of a version on a window."""
         model, count = self.versions.model_of(version.form), len(windows)
         model = kept_near(model, version.p, windows, self.setup.horizon)
+        if self.setup.spec.moving is not None and self.setup.spec.moving.tune:
+            names = without_standing(model, names, windows)
         tuned = (*own_names(model, names, count), *own_starts(model, count))
         return Problem(
             model, windows, tuned, self.setup.horizon, None,

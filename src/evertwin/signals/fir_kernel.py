@@ -9,6 +9,8 @@ from evertwin.types import Outputs, Vector
 
 LEAST = 0.5
 """Share of the weights that has to fall on known rows."""
+TILE = 512
+"""Rows that are summed up at once: they stay in the nearest memory."""
 
 
 @njit(cache=True, error_model="numpy")
@@ -34,12 +36,16 @@ def known_run(a: Vector, out: Vector, half: Vector, start: int, stop: int) -> No
         out[i] = scaled_up(a, half, i)
     for i in range(max(last, first, start), stop):
         out[i] = scaled_up(a, half, i)
-    if last > first:
-        for i in range(first, last):
-            out[i] = half[0] * a[i]
+    sums = np.empty(TILE)
+    for at in range(first, last, TILE):
+        count = min(TILE, last - at)
+        for i in range(count):
+            sums[i] = half[0] * a[at + i]
         for k in range(1, delay + 1):
-            for i in range(first, last):
-                out[i] += half[k] * (a[i - k] + a[i + k])
+            old, new = a[at - k : at - k + count], a[at + k : at + k + count]
+            for i in range(count):
+                sums[i] += half[k] * (old[i] + new[i])
+        out[at : at + count] = sums[:count]
 
 
 @njit(cache=True, error_model="numpy")

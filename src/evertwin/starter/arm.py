@@ -31,6 +31,8 @@ LONGEST = 5.0
 """Way of a slide of an arm [m]: one that goes farther is told in mm."""
 LITTLE = 0.01
 """Part of the largest motion among the joints below which one rests."""
+MOST = 1000.0
+"""Whole numbers beyond it are no joint's degrees: an encoder counts them."""
 _TURN = 180.0 / np.pi
 
 
@@ -195,6 +197,12 @@ class _Look:
         low, high = min(c.low for c in there), max(c.high for c in there)
         return replace(there[j], low=low, high=high)
 
+    def _counted(self, group: Group) -> bool:
+        """Is all that a family says whole, and too much for degrees?"""
+        rows = self._rows(group)
+        known = rows[np.isfinite(rows)]
+        return bool((known == np.round(known)).all() and np.abs(known).max(initial=0.0) > MOST)
+
     def _of_slide(
         self, name: str, chosen: Mapping[str, Group], j: int
     ) -> tuple[str, Answer, str] | None:
@@ -219,6 +227,8 @@ class _Look:
             what = "a current" if chosen[name].quantity == "current" else "no name says what it is"
             return wanted, ASK, f"{what}: how many {wanted} at the joint is one?"
         unit, scale, reason = unit_of(wanted, column)
+        if name == "q" and not column.unit and self._counted(chosen[name]):
+            return wanted, ASK, f"counts of an encoder: how many {wanted} is one?"
         turns = name in ("q", "qd") and wanted.startswith("rad")
         if column.unit or not turns or not {"q", "qd"} <= chosen.keys():
             return unit, scale, reason
@@ -228,6 +238,8 @@ class _Look:
         if not factors:
             return unit, scale, reason
         factor = float(np.median(factors))
+        if self._counted(chosen["q"]) and abs(factor - 1.0) < 0.1:
+            return wanted, ASK, f"counts of an encoder: how many {wanted} is one?"
         if abs(factor / _TURN - 1.0) < 0.1:
             return (
                 ("deg" if name == "q" else "rad/s"),

@@ -33,6 +33,7 @@ QUANTITIES = {
     "voltage": {"voltage", "vir", "volt", "volts", "u"},
     "position": {
         "q", "qm", "pos", "position", "positions", "posn", "angle", "angles", "theta", "encoder",
+        "enc",
     },
 }  # fmt: skip
 """Quantity → the words that name it; the first that has one of a heading's words names it."""
