@@ -26,8 +26,9 @@ def test_a_segment_joins_where_two_parts_of_it_place_it_alike(
     scans, _ = recorded(4, COARSE, laps=1.1, slip=0.05)
     poses = followed(scans).poses
     known, keys = segments.solved(scans, poses), segments.keyframes(poses, 0)
+    of = known, segments._charted(scans, known)
     looked = segments._Looked(scans, {}, iter(range(100)))
-    anchor = next(segments._anchors(looked, poses, keys, known))
+    anchor = next(segments._anchors(looked, poses, keys, of))
     at = np.searchsorted(keys, [anchor.edge.start, anchor.edge.end])
     place = compose(known.graph.poses[at[0]], anchor.edge.step)
     assert np.hypot(*(place - poses.pose[anchor.edge.end])[:2]) < 0.1
@@ -38,7 +39,7 @@ def test_a_segment_joins_where_two_parts_of_it_place_it_alike(
         return Located(found, np.eye(3) * 1e-4, 1.0)
 
     monkeypatch.setattr(segments, "looked_for", elsewhere)
-    assert not list(segments._anchors(looked, poses, keys, known))
+    assert not list(segments._anchors(looked, poses, keys, of))
 
 
 def cut(poses: Poses, laps: float, at: tuple[float, float]) -> Poses:

@@ -119,6 +119,22 @@ def test_the_largest_range_is_none_where_it_keeps_returning(tmp_path: Path) -> N
     assert scans.lidar.longest == 50.0 and np.nanmax(scans.ranges) == 3.0
 
 
+@pytest.mark.parametrize("codes", [(8.19, 8.18), (81.5, 81.4), (50.0, 50.0)])
+def test_codes_below_the_largest_range_are_none(
+    tmp_path: Path, codes: tuple[float, float]
+) -> None:
+    """Of several codes, or where a few ranges lie above: walls stood where nothing came back."""
+    rng, lines = np.random.default_rng(0), []
+    for i in range(20):
+        values = np.round(rng.uniform(1.0, 0.8 * codes[1], 180), 2)
+        values[rng.integers(180)], values[90:] = 1.001 * codes[1], codes[1]
+        values[:2] = codes[0]
+        lines.append(flaser(i, i * 0.1, 0.0, values))
+    (tmp_path / "a.log").write_text("\n".join(lines))
+    found = only(tmp_path / "a.log")
+    assert np.nanmax(found.ranges) < codes[1] <= np.min(codes) and found.lidar.longest == codes[1]
+
+
 def test_a_described_laser_says_its_angles(tmp_path: Path) -> None:
     path = tmp_path / "run.log.gz"
     line = "ROBOTLASER1 0 -1.0 2.0 0.5 30.0 0.1 0 4 1.0 2.0 30.0 4.0 2 7 8 "
