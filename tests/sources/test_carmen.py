@@ -92,6 +92,14 @@ def test_constant_stamps_are_named_and_scans_counted(tmp_path: Path, stamp: floa
     assert inspect(path).scans[0].rate is None and "no rate" in render(inspect(path))
 
 
+def test_scans_between_two_lines_of_odometry_share_the_step(tmp_path: Path) -> None:
+    """Half of the scans seemed not to move: beams were said to be 2° apart."""
+    lines = [f"ODOM {i} 0 0 0 0 0 5 h 5\n{flaser(i, 5, i)}\n{flaser(i, 5, i)}" for i in range(9)]
+    (tmp_path / "a.log").write_text("\n".join(lines))
+    odometry = only(tmp_path / "a.log").odometry
+    assert odometry is not None and odometry[:5, 0].tolist() == [0.0, 0.5, 1.0, 1.5, 2.0]
+
+
 def test_stamps_that_go_back_are_placed_between(tmp_path: Path) -> None:
     scans = only(log(tmp_path / "run.log", lambda i: i - 2.5 * (i % 10 == 7), lambda i: 1.0 * i))
     assert np.all(np.diff(scans.t) > 0)
