@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.ndimage import distance_transform_edt, maximum_filter
 
 from evertwin.features import segments
 from evertwin.features.mapping import followed
+from evertwin.features.occupancy import FREE, OCCUPIED, Occupancy
 from evertwin.features.open_ways import evened
 from evertwin.features.poses import Fix, Poses
-from evertwin.features.relocalisation import Located, View
+from evertwin.features.relocalisation import BEHIND, Barriers, Located, View
 from evertwin.features.trajectory_error import trajectory_error
 from evertwin.signals.planar import between, compose
 from planted.draws import first_of
@@ -40,6 +42,21 @@ def test_a_segment_joins_where_two_parts_of_it_place_it_alike(
 
     monkeypatch.setattr(segments, "looked_for", elsewhere)
     assert not list(segments._anchors(looked, poses, keys, of))
+
+
+def test_walls_that_beams_pass_through_are_as_distances_tell_them() -> None:
+    """Each cell's distance was computed, and again for each place that was looked at: the map of a
+    campus took more than ten minutes."""
+    rng = np.random.default_rng(0)
+    cells = np.full((200, 300), FREE, np.uint8)
+    for _ in range(30):
+        row, column = rng.integers(5, (190, 280))
+        cells[row : row + rng.integers(1, 7), column : column + rng.integers(1, 20)] = OCCUPIED
+    told = Barriers.of(Occupancy(cells, 0.05, (0.0, 0.0)))
+    walls = cells == OCCUPIED
+    deep = distance_transform_edt(walls)
+    assert np.array_equal(told.middle, walls & (deep == maximum_filter(deep, 3)))
+    assert np.array_equal(told.near, distance_transform_edt(~walls) * 0.05 <= BEHIND)
 
 
 def cut(poses: Poses, laps: float, at: tuple[float, float]) -> Poses:

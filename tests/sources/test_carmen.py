@@ -128,9 +128,7 @@ def test_the_largest_range_is_none_where_it_keeps_returning(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("codes", [(8.19, 8.18), (81.5, 81.4), (50.0, 50.0)])
-def test_codes_below_the_largest_range_are_none(
-    tmp_path: Path, codes: tuple[float, float]
-) -> None:
+def test_codes_below_the_largest_range_are_none(tmp_path: Path, codes: tuple[float, float]) -> None:
     """Of several codes, or where a few ranges lie above: walls stood where nothing came back."""
     rng, lines = np.random.default_rng(0), []
     for i in range(20):

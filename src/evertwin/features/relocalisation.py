@@ -139,7 +139,7 @@ def _disc(radius: float) -> Int64[np.ndarray, "k 2"]:
     """Cells around one, by their rows and columns from there."""
     side = np.arange(-int(radius), int(radius) + 1)
     both = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
-    return both[np.hypot(*both.T) <= radius]
+    return np.asarray(both[np.hypot(*both.T) <= radius])
 
 
 def _inside(cells: Int64[np.ndarray, "k 2"], of: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -148,9 +148,7 @@ def _inside(cells: Int64[np.ndarray, "k 2"], of: np.ndarray) -> tuple[np.ndarray
     return row, column
 
 
-def through(
-    views: Sequence[View], pose: Float64[np.ndarray, " 3"], walls: Barriers
-) -> float:
+def through(views: Sequence[View], pose: Float64[np.ndarray, " 3"], walls: Barriers) -> float:
     """Share of the beams that pass through walls of the map on their way, seen from ``pose``.
 
     A beam passes where it and its neighbours, a cell to either side, meet the middle of a wall, and
@@ -223,9 +221,7 @@ class Charted(NamedTuple):
         walls, window = map_surface(chart), _Window.around(chart)
         size = math.ceil(2 * window.half / CELL) + 2 * BLUR + 2
         drawing = Drawing.of(walls, window.middle, size)
-        return cls(
-            Barriers.of(chart), Known.of(walls), drawing, cKDTree(walls[:, :2]), window
-        )
+        return cls(Barriers.of(chart), Known.of(walls), drawing, cKDTree(walls[:, :2]), window)
 
 
 def located(views: Sequence[View], chart: Occupancy) -> Located:

@@ -216,7 +216,9 @@ def ceiling(ranges: np.ndarray) -> float:
     for k in range(len(values) - 1, 0, -1):
         if values[k] < CODES * values[-1]:
             break
-        apart = values[k] > 1.1 * values[k - 1] or counts[k] > 10 * counts[max(k - 10, 0) : k].mean()
+        apart = (
+            values[k] > 1.1 * values[k - 1] or counts[k] > 10 * counts[max(k - 10, 0) : k].mean()
+        )
         if apart and counts[k] >= max(OFTEN * ranges.size, above):
             found, above = float(values[k]), 0
         else:
