@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from evertwin.features.correlation import BLOCK, BLUR, CELL, Drawing, blocks, search
+from evertwin.features.correlation import BLOCK, BLUR, CELL, Bounds, Drawing, blocks
 from evertwin.features.local_map import Known, Surface, placed
 from evertwin.features.occupancy import FREE, OCCUPIED, Occupancy
 from evertwin.features.scan_fit import Expected, Fit, balanced, fitted
@@ -243,11 +243,11 @@ def looked_for(views: Sequence[View], ready: Charted) -> Located:
     if len(scan) < FEW:
         return Located(None, None, 0.0, f"{len(scan)} points are too few")
     barriers, known, drawing, tree, window = ready
-    some = balanced(scan)
+    turns, middle = np.array([window.half, math.pi, TURN]), np.array([*window.middle, 0.0])
+    bounds = Bounds.of(balanced(scan), drawing, turns, len(window.free), middle)
 
     def found(allowed: np.ndarray) -> tuple[Fit, float, float]:
-        turns = np.array([window.half, math.pi, TURN])
-        start, _ = search(some, drawing, turns, allowed, np.array([*window.middle, 0.0]))
+        start, _ = bounds.search(allowed)
         fit = fitted(scan, known, Expected(start, VAGUE), start)
         off, _ = tree.query(placed(scan, fit.pose)[:, :2])
         return fit, float(np.mean(off < CLOSE)), through(views, fit.pose, barriers)
