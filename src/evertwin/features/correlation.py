@@ -176,8 +176,11 @@ class Bounds(NamedTuple):
         return cls(drawing, cells, bounds, pose, window)
 
     def search(self, allowed: np.ndarray) -> tuple[np.ndarray, float]:
-        """The best pose of the blocks that are ``allowed`` (side, side; else 0), and the mean of the
-        cells under the scan there, 0 to 1."""
+        """The best pose, and the mean of the cells under the scan there, 0 to 1.
+
+        Args:
+            allowed: 0 where no pose is wanted, by block of shifts (side, side).
+        """
         turns, flat = len(self.cells) // 2, (self.bounds * allowed).ravel()
         found = np.array([turns, 0, 0], np.int64)
         grid, cells = self.drawing.grid, self.cells
