@@ -18,6 +18,7 @@ import numpy as np
 if TYPE_CHECKING or "jaxtyping" in sys.modules:
     from jaxtyping import Bool as Bool
     from jaxtyping import Float64 as Float64
+    from jaxtyping import Int32 as Int32
     from jaxtyping import Int64 as Int64
     from jaxtyping import UInt8 as UInt8
 else:
@@ -26,7 +27,7 @@ else:
         def __class_getitem__(cls, item: tuple[type, str]) -> type:
             return item[0]
 
-    Bool = Float64 = Int64 = UInt8 = _Array
+    Bool = Float64 = Int32 = Int64 = UInt8 = _Array
 
 Stamps: TypeAlias = Int64[np.ndarray, " n"]
 Intervals: TypeAlias = Float64[np.ndarray, " n"]

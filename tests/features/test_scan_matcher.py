@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evertwin.features.correlation import Drawing, blocks, search
+from evertwin.features.correlation import Bounds, Drawing, blocks
 from evertwin.features.local_map import Known
 from evertwin.features.mapping import followed
 from evertwin.features.poses import Fix, Poses
@@ -62,7 +62,7 @@ def test_both_forms_of_the_kernels_give_the_same_bits(
         share = register(scan, len(scan), *view, pose, np.eye(3), pose.copy(), information)
         drawing = Drawing.of(walls, np.zeros(2), 128)
         window, where = np.array([0.5, 0.2, 0.1]), np.ones((blocks(0.5), blocks(0.5)), np.uint8)
-        found, value = search(scan, drawing, window, where, np.zeros(3))
+        found, value = Bounds.of(scan, drawing, window, len(where), np.zeros(3)).search(where)
         known = explained(scan, len(scan), *view, pose)
         return walls, view.heads, view.order, pose, information, drawing.best, found, np.array(
             [*share, value, known]
@@ -84,7 +84,9 @@ def test_a_search_finds_what_no_pose_beats() -> None:
     scan = np.ascontiguousarray((walls[:, :2] - shift) @ np.array([[c, -s], [s, c]]))
     grid, _, corner = drawing = Drawing.of(walls, np.zeros(2), 96)
     where = np.ones((blocks(1.0), blocks(1.0)), np.uint8)
-    pose, value = search(scan, drawing, np.array([1.0, 0.3, 0.05]), where, np.zeros(3))
+    pose, value = Bounds.of(
+        scan, drawing, np.array([1.0, 0.3, 0.05]), len(where), np.zeros(3)
+    ).search(where)
     assert pose == pytest.approx([*shift, turn], abs=0.11) and value > 0.8
     top = 0.0
     for a in np.arange(-6, 7) * 0.05:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.ndimage import distance_transform_edt, maximum_filter
 
 from evertwin.features import segments
 from evertwin.features.mapping import followed
+from evertwin.features.occupancy import FREE, OCCUPIED, Occupancy
 from evertwin.features.open_ways import evened
 from evertwin.features.poses import Fix, Poses
-from evertwin.features.relocalisation import Located, View
+from evertwin.features.relocalisation import BEHIND, Barriers, Located, View
 from evertwin.features.trajectory_error import trajectory_error
 from evertwin.signals.planar import between, compose
 from planted.draws import first_of
@@ -26,8 +28,9 @@ def test_a_segment_joins_where_two_parts_of_it_place_it_alike(
     scans, _ = recorded(4, COARSE, laps=1.1, slip=0.05)
     poses = followed(scans).poses
     known, keys = segments.solved(scans, poses), segments.keyframes(poses, 0)
+    of = known, segments._charted(scans, known)
     looked = segments._Looked(scans, {}, iter(range(100)))
-    anchor = next(segments._anchors(looked, poses, keys, known))
+    anchor = next(segments._anchors(looked, poses, keys, of))
     at = np.searchsorted(keys, [anchor.edge.start, anchor.edge.end])
     place = compose(known.graph.poses[at[0]], anchor.edge.step)
     assert np.hypot(*(place - poses.pose[anchor.edge.end])[:2]) < 0.1
@@ -38,7 +41,22 @@ def test_a_segment_joins_where_two_parts_of_it_place_it_alike(
         return Located(found, np.eye(3) * 1e-4, 1.0)
 
     monkeypatch.setattr(segments, "looked_for", elsewhere)
-    assert not list(segments._anchors(looked, poses, keys, known))
+    assert not list(segments._anchors(looked, poses, keys, of))
+
+
+def test_walls_that_beams_pass_through_are_as_distances_tell_them() -> None:
+    """Each cell's distance was computed, and again for each place that was looked at: the map of a
+    campus took more than ten minutes."""
+    rng = np.random.default_rng(0)
+    cells = np.full((200, 300), FREE, np.uint8)
+    for _ in range(30):
+        row, column = rng.integers(5, (190, 280))
+        cells[row : row + rng.integers(1, 7), column : column + rng.integers(1, 20)] = OCCUPIED
+    told = Barriers.of(Occupancy(cells, 0.05, (0.0, 0.0)))
+    walls = cells == OCCUPIED
+    deep = distance_transform_edt(walls)
+    assert np.array_equal(told.middle, walls & (deep == maximum_filter(deep, 3)))
+    assert np.array_equal(told.near, distance_transform_edt(~walls) * 0.05 <= BEHIND)
 
 
 def cut(poses: Poses, laps: float, at: tuple[float, float]) -> Poses:

@@ -92,6 +92,14 @@ def test_constant_stamps_are_named_and_scans_counted(tmp_path: Path, stamp: floa
     assert inspect(path).scans[0].rate is None and "no rate" in render(inspect(path))
 
 
+def test_scans_between_two_lines_of_odometry_share_the_step(tmp_path: Path) -> None:
+    """Half of the scans seemed not to move: beams were said to be 2° apart."""
+    lines = [f"ODOM {i} 0 0 0 0 0 5 h 5\n{flaser(i, 5, i)}\n{flaser(i, 5, i)}" for i in range(9)]
+    (tmp_path / "a.log").write_text("\n".join(lines))
+    odometry = only(tmp_path / "a.log").odometry
+    assert odometry is not None and odometry[:5, 0].tolist() == [0.0, 0.5, 1.0, 1.5, 2.0]
+
+
 def test_stamps_that_go_back_are_placed_between(tmp_path: Path) -> None:
     scans = only(log(tmp_path / "run.log", lambda i: i - 2.5 * (i % 10 == 7), lambda i: 1.0 * i))
     assert np.all(np.diff(scans.t) > 0)
@@ -117,6 +125,20 @@ def test_the_largest_range_is_none_where_it_keeps_returning(tmp_path: Path) -> N
     path.write_text("\n".join(flaser(i, i, 0.0, v) for i, v in enumerate(values)))
     scans = only(path)
     assert scans.lidar.longest == 50.0 and np.nanmax(scans.ranges) == 3.0
+
+
+@pytest.mark.parametrize("codes", [(8.19, 8.18), (81.5, 81.4), (50.0, 50.0)])
+def test_codes_below_the_largest_range_are_none(tmp_path: Path, codes: tuple[float, float]) -> None:
+    """Of several codes, or where a few ranges lie above: walls stood where nothing came back."""
+    rng, lines = np.random.default_rng(0), []
+    for i in range(20):
+        values = np.round(rng.uniform(1.0, 0.8 * codes[1], 180), 2)
+        values[rng.integers(180)], values[90:] = 1.001 * codes[1], codes[1]
+        values[:2] = codes[0]
+        lines.append(flaser(i, i * 0.1, 0.0, values))
+    (tmp_path / "a.log").write_text("\n".join(lines))
+    found = only(tmp_path / "a.log")
+    assert np.nanmax(found.ranges) < codes[1] <= np.min(codes) and found.lidar.longest == codes[1]
 
 
 def test_a_described_laser_says_its_angles(tmp_path: Path) -> None:

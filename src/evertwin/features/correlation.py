@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from evertwin.compiled.functions import njit
-from evertwin.types import Float64, UInt8
+from evertwin.types import Float64, Int32, Int64, UInt8
 
 CELL = 0.1
 """Side of a cell [m]."""
@@ -67,11 +67,10 @@ def total(grid: Any, cells: Any, n: int, sx: int, sy: int) -> int:
 
 @njit(cache=True)
 def bounded(
-    scan: Any, n: int, best: Any, corner: Any, window: Any, allowed: Any, pose: Any, cells: Any,
-    bounds: Any,
+    scan: Any, n: int, best: Any, corner: Any, window: Any, pose: Any, cells: Any, bounds: Any
 ) -> None:  # fmt: skip
     """Fills ``cells`` (turns, n, 2), where points fall, and ``bounds`` (turns, blocks, blocks)."""
-    turns, side = cells.shape[0] // 2, allowed.shape[0]
+    turns, side, half = cells.shape[0] // 2, bounds.shape[1], bounds.shape[1] // 2
     for a in range(cells.shape[0]):
         angle = pose[2] + (a - turns) * window[1] / turns
         c, s = math.cos(angle), math.sin(angle)
@@ -79,11 +78,14 @@ def bounded(
             x = c * scan[k, 0] - s * scan[k, 1] + pose[0] - corner[0]
             y = s * scan[k, 0] + c * scan[k, 1] + pose[1] - corner[1]
             cells[a, k, 0], cells[a, k, 1] = math.floor(x / CELL), math.floor(y / CELL)
-        for bx in range(side):
-            for by in range(side):
-                if allowed[bx, by]:
-                    sx, sy = (bx - side // 2) * BLOCK, (by - side // 2) * BLOCK
-                    bounds[a, bx, by] = total(best, cells[a], n, sx, sy)
+            # point by point: the cells of one lie side by side, and in the cache
+            low = max(half - cells[a, k, 1] // BLOCK, 0)
+            high = min(half + (best.shape[1] - 1 - cells[a, k, 1]) // BLOCK, side - 1)
+            for bx in range(side):
+                row, first = cells[a, k, 0] + (bx - half) * BLOCK, cells[a, k, 1] - half * BLOCK
+                if 0 <= row < best.shape[0]:
+                    for by in range(low, high + 1):
+                        bounds[a, bx, by] += best[row, first + by * BLOCK]
 
 
 @njit(cache=True)
@@ -136,30 +138,56 @@ class Drawing(NamedTuple):
         return cls(grid, best, corner)
 
 
-def search(
-    scan: np.ndarray, drawing: Drawing, window: np.ndarray, allowed: np.ndarray, pose: np.ndarray
-) -> tuple[np.ndarray, float]:
-    """The best pose in a window.
+class Bounds(NamedTuple):
+    """What a scan is worth at most, by block of poses; for several searches of one window.
 
-    Args:
-        scan: points (k, ≥ 2).
-        drawing: the map.
-        window: half its width [m], half its turn and the step of the turn [rad].
-        allowed: 0 where no pose is wanted, by block of shifts; see `blocks`.
-        pose: middle of the window (3,).
-
-    Returns:
-        the pose, and the mean of the cells under the scan there, 0 to 1.
+    >>> Bounds._fields
+    ('drawing', 'cells', 'bounds', 'pose', 'window')
     """
-    turns, n = max(math.ceil(window[1] / window[2]), 1), len(scan)
-    cells = np.zeros((2 * turns + 1, n, 2), np.int64)
-    bounds = np.zeros((2 * turns + 1, *allowed.shape), np.int64)
-    bounded(scan, n, drawing.best, drawing.corner, window, allowed, pose, cells, bounds)
-    flat = bounds.ravel()
-    found = np.array([turns, 0, 0], np.int64)
-    floor = opened(drawing.grid, cells, flat, np.array([flat.argmax()]), found)
-    worth = np.flatnonzero(flat > floor)
-    order = worth[np.argsort(-flat[worth], kind="stable")]
-    top = max(opened(drawing.grid, cells, flat, order, found), floor)
-    turn = (found[0] - turns) * window[1] / turns
-    return pose + np.array([found[1] * CELL, found[2] * CELL, turn]), top / (FULL * max(n, 1))
+
+    drawing: Drawing
+    cells: Int64[np.ndarray, "turns n 2"]
+    bounds: Int32[np.ndarray, "turns side side"]
+    pose: Float64[np.ndarray, " 3"]
+    window: Float64[np.ndarray, " 3"]
+
+    @classmethod
+    def of(
+        cls,
+        scan: np.ndarray,
+        drawing: Drawing,
+        window: np.ndarray,
+        side: int,
+        pose: np.ndarray,
+    ) -> Bounds:
+        """Of the poses in a window.
+
+        Args:
+            scan: points (k, ≥ 2).
+            drawing: the map.
+            window: half its width [m], half its turn and the step of the turn [rad].
+            side: blocks of shifts along each side of the window; see `blocks`.
+            pose: middle of the window (3,).
+        """
+        turns, n = max(math.ceil(window[1] / window[2]), 1), len(scan)
+        cells = np.zeros((2 * turns + 1, n, 2), np.int64)
+        bounds = np.zeros((2 * turns + 1, side, side), np.int32)
+        bounded(scan, n, drawing.best, drawing.corner, window, pose, cells, bounds)
+        return cls(drawing, cells, bounds, pose, window)
+
+    def search(self, allowed: np.ndarray) -> tuple[np.ndarray, float]:
+        """The best pose, and the mean of the cells under the scan there, 0 to 1.
+
+        Args:
+            allowed: 0 where no pose is wanted, by block of shifts (side, side).
+        """
+        turns, flat = len(self.cells) // 2, (self.bounds * allowed).ravel()
+        found = np.array([turns, 0, 0], np.int64)
+        grid, cells = self.drawing.grid, self.cells
+        floor = opened(grid, cells, flat, np.array([flat.argmax()]), found)
+        worth = np.flatnonzero(flat > floor)
+        order = worth[np.argsort(-flat[worth], kind="stable")]
+        top = max(opened(grid, cells, flat, order, found), floor)
+        turn = (found[0] - turns) * self.window[1] / turns
+        pose = self.pose + np.array([found[1] * CELL, found[2] * CELL, turn])
+        return pose, top / (FULL * max(cells.shape[1], 1))

@@ -57,6 +57,8 @@ RATES = (0.1, 100.0)
 """Least and largest rate, as a factor on variances."""
 UNTOLD = 1e-6
 """Information along a direction, over that across it, up to which a scan leaves it open."""
+WIDEST = 10.0
+"""Spread of a place from which on it is as good as unknown: surprises make it no wider [m]."""
 CARELESS = 1e-6
 """Information where there is none."""
 
@@ -220,7 +222,8 @@ def measured(belief: Belief, sighting: Sighting, way: float = 1.0) -> Measured:
         off, s = sighting.pose - belief.pose, belief.covariance[:3, :3] + _error(sighting)
         slip = way > 0 and float(ahead @ off[:2]) ** 2 > ALONE * float(ahead @ s[:2, :2] @ ahead)
         wider = np.eye(5)
-        wider[:3, :3] *= math.sqrt(square / 3.0)
+        place = math.sqrt(belief.covariance[0, 0] + belief.covariance[1, 1])
+        wider[:3, :3] *= min(math.sqrt(square / 3.0), max(WIDEST / max(place, 1e-9), 1.0))
         p = wider @ belief.covariance @ wider
         turn = float(wrapped(off[2:])[0])
         p[3, 3] += BIAS * BIAS * (turn * turn > ALONE * s[2, 2])  # or the gyro's bias has changed

@@ -106,7 +106,7 @@ def of_keyframes(
             f"the map would have {columns} × {rows} cells of {RESOLUTION} m: expected at most "
             f"{LARGEST}: are the poses of one place?"
         )
-    passed, met = np.zeros((rows, columns), np.int64), np.zeros((rows, columns), np.int64)
+    passed, met = np.zeros((rows, columns), np.int32), np.zeros((rows, columns), np.int32)
     for lidar, ends in zip(lidars, walls, strict=True):
         counted(ends - low, len(ends), lidar - low, RESOLUTION, passed, met)
     cells = np.full((rows, columns), UNKNOWN, np.uint8)

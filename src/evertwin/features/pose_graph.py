@@ -17,6 +17,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.special import gammaincinv
 
 from evertwin.signals.planar import between, compose
 from evertwin.sources.foreign import load
@@ -32,6 +33,10 @@ TELLING = 5
 """Loops from which on they say how far the steps err."""
 FACTORS = (0.02, 10.0)
 """Least and largest factor that they say."""
+CAUTION = 0.2
+"""How often chance alone makes loops of so many visits agree as well as they are let do."""
+TOGETHER = 20
+"""Keyframes from one loop to the next, at either end, up to which both are of one visit."""
 WORST = 30.0
 """Square of a loop's error over its covariance beyond which it is no error but another place."""
 
@@ -158,12 +163,23 @@ def weak(edge: Edge) -> bool:
     return bool(np.linalg.eigvalsh(edge.covariance[:2, :2])[-1] > OPEN * OPEN)
 
 
+def visits(loops: Sequence[Edge]) -> int:
+    """How often a robot came back to where it had been.
+
+    >>> visits([Edge(a, b, np.zeros(3), np.eye(3)) for a, b in ((1, 50), (3, 52), (60, 95))])
+    2
+    """
+    ends = np.array(sorted((loop.end, loop.start) for loop in loops))
+    return 1 + int((np.abs(np.diff(ends, axis=0)).max(axis=1, initial=0) > TOGETHER).sum())
+
+
 def variance_factor(
     poses: Float64[np.ndarray, "n 3"], steps: Sequence[Edge], loops: Sequence[Edge]
 ) -> float:
     """How far the steps err, as a factor on the covariances of those that are not `weak`.
 
-    It makes what the loops are off, squared over its covariance, 3 on average. The steps' own
+    It makes what the loops are off, squared over its covariance, 3 on average, or the less the
+    fewer visits they are of (`CAUTION`): the loops of one visit err together. The steps' own
     covariances are those of single scans on a map: a map averages, and what is in no model (glass,
     people, a floor that is not level) adds up. 1 where few loops tell.
 
@@ -186,10 +202,11 @@ def variance_factor(
     known += back @ np.array([open_[j] - open_[i] for i, j in ends]) @ ahead
     told = back @ np.array([firm[j] - firm[i] for i, j in ends]) @ ahead
     off = np.array([between(compose(poses[e.start], e.step), poses[e.end]) for e in loops])
+    chance = 2 * float(gammaincinv(1.5 * visits(loops), CAUTION)) / visits(loops)
     low, high = np.log(FACTORS)
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
         spread = np.exp(middle) * told + known
         square = np.einsum("ni,nij,nj->n", off, np.linalg.inv(spread), off)
-        low, high = (middle, high) if np.minimum(square, WORST).mean() > 3 else (low, middle)
+        low, high = (middle, high) if np.minimum(square, WORST).mean() > chance else (low, middle)
     return float(np.exp(high))

@@ -13,16 +13,15 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt, maximum_filter
 from scipy.spatial import cKDTree
 
-from evertwin.features.correlation import BLOCK, BLUR, CELL, Drawing, blocks, search
+from evertwin.features.correlation import BLOCK, BLUR, CELL, Bounds, Drawing, blocks
 from evertwin.features.local_map import Known, Surface, placed
 from evertwin.features.occupancy import FREE, OCCUPIED, Occupancy
 from evertwin.features.scan_fit import Expected, Fit, balanced, fitted
 from evertwin.features.scan_matcher import FEW
 from evertwin.signals.planar import compose
-from evertwin.types import Float64, UInt8
+from evertwin.types import Bool, Float64, Int64, UInt8
 
 NEAR = 0.25
 """Walls within this share a direction [m]."""
@@ -102,18 +101,61 @@ class View(NamedTuple):
     """In the frame of the first view."""
 
 
-def through(views: Sequence[View], pose: Float64[np.ndarray, " 3"], chart: Occupancy) -> float:
+class Barriers(NamedTuple):
+    """Cells of a map by which a beam that passes through its walls is told.
+
+    >>> Barriers._fields
+    ('chart', 'middle', 'near')
+    """
+
+    chart: Occupancy
+    middle: Bool[np.ndarray, "rows columns"]
+    """In the middle of a wall: walls are drawn thicker than they are."""
+    near: Bool[np.ndarray, "rows columns"]
+    """Within `BEHIND`, or two cells, of one."""
+
+    @classmethod
+    def of(cls, chart: Occupancy) -> Barriers:
+        """By the walls alone: of a large map they are few."""
+        walls = chart.cells == OCCUPIED
+        at = np.argwhere(walls)
+        reach = max(BEHIND / chart.resolution, 2.0)
+        near, deep = np.zeros_like(walls), np.zeros(walls.shape, np.float32)
+        for off in _disc(reach):
+            near[_inside(at + off, walls)] = True
+        around = np.zeros_like(walls)
+        for off in _disc(1.5):
+            around[_inside(at + off, walls)] = True
+        beside = np.argwhere(around & ~walls)
+        if len(at) and len(beside):
+            deep[tuple(at.T)] = cKDTree(beside).query(at)[0]
+        most = np.max([deep[_inside(at + off, walls)] for off in _disc(1.5)], axis=0)
+        middle = np.zeros_like(walls)
+        middle[tuple(at[deep[tuple(at.T)] == most].T)] = True
+        return cls(chart, middle, near)
+
+
+def _disc(radius: float) -> Int64[np.ndarray, "k 2"]:
+    """Cells around one, by their rows and columns from there."""
+    side = np.arange(-int(radius), int(radius) + 1)
+    both = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
+    return np.asarray(both[np.hypot(*both.T) <= radius])
+
+
+def _inside(cells: Int64[np.ndarray, "k 2"], of: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rows and columns, those beyond a map at its edge."""
+    row, column = np.clip(cells, 0, np.array(of.shape) - 1).T
+    return row, column
+
+
+def through(views: Sequence[View], pose: Float64[np.ndarray, " 3"], walls: Barriers) -> float:
     """Share of the beams that pass through walls of the map on their way, seen from ``pose``.
 
-    Walls are drawn thicker than they are, and in cells: a beam passes where it and its neighbours,
-    a cell to either side, meet the middle of one, and it gets well behind: `BEHIND`, or two cells,
-    from any wall.
+    A beam passes where it and its neighbours, a cell to either side, meet the middle of a wall, and
+    it gets well behind: away from any.
     """
+    chart = walls.chart
     count, passed, cell = 0, 0, chart.resolution
-    walls = chart.cells == OCCUPIED
-    deep = distance_transform_edt(walls)
-    middle = walls & (deep == maximum_filter(deep, 3))
-    clear = distance_transform_edt(~walls) * cell > max(BEHIND, 2 * cell)
     for view in views:
         at = compose(pose, view.pose)
         off = placed(view.surface, at)[:, :2] - at[:2]
@@ -123,9 +165,9 @@ def through(views: Sequence[View], pose: Float64[np.ndarray, " 3"], chart: Occup
         ahead = (off / np.maximum(length, 1e-9)[:, None])[:, None]
         aside = cell * ahead[..., ::-1] * [-1.0, 1.0]
         places = [_places(at[:2] + way * ahead + k * aside, chart) for k in (-1, 0, 1)]
-        met = [_there(middle, place) for place in places]
+        met = [_there(walls.middle, place) for place in places]
         behind = np.logical_or.accumulate(met[1], axis=1)
-        behind &= _there(clear, places[1])
+        behind &= ~_there(walls.near, places[1]) & places[1][0]
         through_all = np.all([one.any(axis=1) for one in (*met, behind)], axis=0)
         count, passed = count + len(off), passed + int(through_all.sum())
     return passed / count if count else 0.0
@@ -164,10 +206,10 @@ class Charted(NamedTuple):
     """A map, made ready for scans to be looked for.
 
     >>> Charted._fields[:2]
-    ('chart', 'walls')
+    ('barriers', 'walls')
     """
 
-    chart: Occupancy
+    barriers: Barriers
     walls: Known
     drawing: Drawing
     tree: cKDTree
@@ -179,7 +221,7 @@ class Charted(NamedTuple):
         walls, window = map_surface(chart), _Window.around(chart)
         size = math.ceil(2 * window.half / CELL) + 2 * BLUR + 2
         drawing = Drawing.of(walls, window.middle, size)
-        return cls(chart, Known.of(walls), drawing, cKDTree(walls[:, :2]), window)
+        return cls(Barriers.of(chart), Known.of(walls), drawing, cKDTree(walls[:, :2]), window)
 
 
 def located(views: Sequence[View], chart: Occupancy) -> Located:
@@ -200,15 +242,15 @@ def looked_for(views: Sequence[View], ready: Charted) -> Located:
     scan = np.concatenate([placed(view.surface, view.pose) for view in views])
     if len(scan) < FEW:
         return Located(None, None, 0.0, f"{len(scan)} points are too few")
-    chart, known, drawing, tree, window = ready
-    some = balanced(scan)
+    barriers, known, drawing, tree, window = ready
+    turns, middle = np.array([window.half, math.pi, TURN]), np.array([*window.middle, 0.0])
+    bounds = Bounds.of(balanced(scan), drawing, turns, len(window.free), middle)
 
     def found(allowed: np.ndarray) -> tuple[Fit, float, float]:
-        turns = np.array([window.half, math.pi, TURN])
-        start, _ = search(some, drawing, turns, allowed, np.array([*window.middle, 0.0]))
+        start, _ = bounds.search(allowed)
         fit = fitted(scan, known, Expected(start, VAGUE), start)
         off, _ = tree.query(placed(scan, fit.pose)[:, :2])
-        return fit, float(np.mean(off < CLOSE)), through(views, fit.pose, chart)
+        return fit, float(np.mean(off < CLOSE)), through(views, fit.pose, barriers)
 
     (fit, share, passed), pose = (one := found(window.free)), one[0].pose
     if share < ALIKE:

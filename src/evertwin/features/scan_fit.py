@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evertwin.features.correlation import BLOCK, CELL, Drawing, blocks, search
+from evertwin.features.correlation import BLOCK, CELL, Bounds, Drawing, blocks
 from evertwin.features.fusion import Sighting
 from evertwin.features.local_map import Known, Surface
 from evertwin.features.registration import NARROW, firmness, likelihood, register
@@ -228,8 +228,9 @@ def searched(some: Surface, view: Known, expected: Expected) -> list[Pose]:
     drawing, side = Drawing.of(view.points, middle[:2], GRID), blocks(half)
     steps, found = BLOCK * CELL * (np.arange(side) - side // 2 + 0.5), []
     allowed = np.ones((side, side), np.uint8)
+    bounds = Bounds.of(some, drawing, np.array([half, turn, TURN]), side, middle)
     for _ in range(2):
-        pose, value = search(some, drawing, np.array([half, turn, TURN]), allowed, middle)
+        pose, value = bounds.search(allowed)
         if value > 0:
             found.append(pose)
         x, y = (pose - middle)[:2]
@@ -257,10 +258,11 @@ def balanced(scan: Surface) -> Surface:
 def found_by_search(
     scan: Surface, points: Surface, middle: Pose, window: tuple[float, float]
 ) -> Pose:
-    """The best pose within ``window`` (m, rad) to either side of ``middle``; see `search`."""
+    """The best pose within ``window`` (m, rad) to either side of ``middle``; see `Bounds`."""
     drawing, side = Drawing.of(points, middle[:2], GRID), blocks(window[0])
     everywhere = np.ones((side, side), np.uint8)
-    return search(scan, drawing, np.array([*window, TURN]), everywhere, middle)[0]
+    bounds = Bounds.of(scan, drawing, np.array([*window, TURN]), side, middle)
+    return bounds.search(everywhere)[0]
 
 
 def fitted(scan: Surface, view: Known, expected: Expected, start: Pose) -> Fit:

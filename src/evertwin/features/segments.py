@@ -20,7 +20,7 @@ from evertwin.features.occupancy import of_keyframes
 from evertwin.features.open_ways import steps_between
 from evertwin.features.pose_graph import Edge, Optimised, optimised, turned, variance_factor, weak
 from evertwin.features.poses import Fix, Poses
-from evertwin.features.relocalisation import Charted, View, looked_for, stray, through
+from evertwin.features.relocalisation import Barriers, Charted, View, looked_for, stray, through
 from evertwin.features.scan_fit import COMMON
 from evertwin.signals.planar import between, compose
 from evertwin.sources.scans import Scans
@@ -147,19 +147,23 @@ def _grown(looked: _Looked, poses: Poses, number: int) -> tuple[Poses, Solved]:
     scans, origin = looked.scans, poses.segment
     one, anchors = solved(scans, poses, number), list[Anchor]()
     others = list(range(number + 1, int(origin.max()) + 1))
-    waiting = list(others) if len(one.keys) else []
+    waiting, ready = list(others) if len(one.keys) else [], None
     while waiting:
         k = waiting.pop(0)
-        keys = keyframes(poses, k)
-        for anchor in _anchors(looked, poses, keys, one):
+        keys, ready = keyframes(poses, k), ready or _charted(scans, one)
+        for anchor in _anchors(looked, poses, keys, (one, ready)):
             grown = _moved(poses, origin == k, number, anchor)
             more = solved(scans, grown, number, [*anchors, anchor])
             if not _contradicted(scans, more, np.isin(more.keys, keys)):
                 poses, one, anchors = grown, more, [*anchors, anchor]
                 others.remove(k)
-                waiting = list(others)
+                waiting, ready = list(others), None
                 break
     return poses, one
+
+
+def _charted(scans: Scans, one: Solved) -> Charted:
+    return Charted.of(of_keyframes(one.graph.poses, one.surfaces, scans.lidar.mount))
 
 
 def _moved(poses: Poses, mine: np.ndarray, number: int, anchor: Anchor) -> Poses:
@@ -173,7 +177,10 @@ def _moved(poses: Poses, mine: np.ndarray, number: int, anchor: Anchor) -> Poses
 
 
 def _anchors(
-    looked: _Looked, poses: Poses, keys: Int64[np.ndarray, " k"], known: Solved
+    looked: _Looked,
+    poses: Poses,
+    keys: Int64[np.ndarray, " k"],
+    of: tuple[Solved, Charted],
 ) -> Iterator[Anchor]:
     """What may tie a segment of these keyframes to a map.
 
@@ -181,11 +188,11 @@ def _anchors(
     places. Two such parts must place the segment alike, and where something is known of the way
     to it (through a corridor, say, whose ends are alike), not against that.
     """
+    known, chart = of
     way = looked.ways.get(int(keys[0])) if len(keys) else None
     expected = None if way is None else _expected(poses, known, way)
     if not len(keys) or (way is not None and expected is None):
         return
-    chart = Charted.of(of_keyframes(known.graph.poses, known.surfaces, looked.scans.lidar.mount))
     steps = between(np.broadcast_to(poses.pose[keys[0]], (len(keys), 3)), poses.pose[keys])
     saw = (surface_of(looked.scans, int(k)) for k in keys)
     views = [View(surface, step) for surface, step in zip(saw, steps, strict=True)]
@@ -267,7 +274,7 @@ def _contradicted(scans: Scans, one: Solved, mine: np.ndarray) -> bool:
         chart = of_keyframes(one.graph.poses[seen], surfaces, scans.lidar.mount)
         some = some[:: max(len(some) // CHECKED, 1)]
         views, home = [View(one.surfaces[n], one.graph.poses[n]) for n in some], np.zeros(3)
-        return through(views, home, chart) + stray(views, home, chart)
+        return through(views, home, Barriers.of(chart)) + stray(views, home, chart)
 
     usual = [against(part[1::2], part[::2]) for part in (own, rest) if len(part) > TOGETHER]
     each = sum(usual) / max(len(usual), 1)

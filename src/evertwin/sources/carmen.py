@@ -361,7 +361,11 @@ def _beside(found: list[_Scan], t: Stamps, timed: bool, odometry: _Odometry) -> 
     if timed and known[0] != NO_STAMP:
         return at_stamps(t, known, poses)
     last = np.searchsorted(lines, [scan.line for scan in found]) - 1
-    out = poses[np.maximum(last, 0)].copy()
+    first, many = np.unique(last, return_index=True, return_counts=True)[1:]
+    share = (np.arange(len(last)) - np.repeat(first, many)) / np.repeat(many, many)
+    turned = np.column_stack([poses[:, :2], np.unwrap(poses[:, 2])])
+    whole = np.maximum(last, 0) + share  # several scans after one line share the step to the next
+    out = np.column_stack([np.interp(whole, np.arange(len(lines)), c) for c in turned.T])
     out[last < 0] = np.nan
     return out
 

@@ -26,6 +26,8 @@ EVENLY, UNEVEN, REGULAR, FAR_OFF = 20, 0.25, 0.95, 10
 of the steps does not; how many rows one may be off."""
 OFTEN = 1e-3
 """Share of all ranges that the largest one must have to be no measurement."""
+CODES = 0.9
+"""Of the largest range: from there on others may be none, too."""
 Poses = Float64[np.ndarray, "n 3"]
 """x, y [m] and heading [rad] for each stamp; NaN where there is none."""
 
@@ -199,13 +201,26 @@ def at_stamps(
 
 
 def ceiling(ranges: np.ndarray) -> float:
-    """The largest range, where many share it, and it stands apart or outnumbers those below.
+    """The lowest of the codes that say that nothing came back; infinity without any.
+
+    A code is the largest range of all but a few, shared by many, and it stands apart or outnumbers
+    those below; a lidar may have several, for what it did not see and why.
 
     >>> ceiling(np.array([[1.0, 2.0, 30.0], [1.5, 2.5, 30.0]]))
     30.0
+    >>> ceiling(np.array([[1.0, 2.0, 8.183], [1.5, 8.191, 8.183], [3.0, 8.183, 8.191]]))
+    8.183
     """
     values, counts = np.unique(ranges[np.isfinite(ranges)], return_counts=True)
-    if len(values) < 2 or counts[-1] < OFTEN * ranges.size:
-        return math.inf
-    apart = values[-1] > 1.1 * values[-2] or counts[-1] > 10 * counts[-11:-1].mean()
-    return float(values[-1]) if apart else math.inf
+    found, above = math.inf, 0
+    for k in range(len(values) - 1, 0, -1):
+        if values[k] < CODES * values[-1]:
+            break
+        apart = (
+            values[k] > 1.1 * values[k - 1] or counts[k] > 10 * counts[max(k - 10, 0) : k].mean()
+        )
+        if apart and counts[k] >= max(OFTEN * ranges.size, above):
+            found, above = float(values[k]), 0
+        else:
+            above += int(counts[k])
+    return found
