@@ -1,7 +1,7 @@
 """Headings that say what a history counts by, as people write them.
 
->>> clock_of("cycle_number"), clock_of("CycleIndex"), clock_of("operating hours")
-('cycle', 'cycle', 'h')
+>>> clock_of("cycle_number"), clock_of("time_cycles"), clock_of("runtime_h"), clock_of("h_room")
+('cycle', 'cycle', 'h', '')
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ _WORDS = {
     "d": {"d", "day", "days", "tag", "tage", "jours", "dias", "giorni"},
 }
 _BESIDE = {"number", "no", "nr", "num", "index", "idx", "id", "count", "counter", "total",
-           "operating", "operation", "elapsed"}  # fmt: skip
+           "operating", "operation", "elapsed", "time", "runtime", "t", "age", "usage", "used",
+           "service", "engine"}  # fmt: skip
 """Words that such a heading has beside what it counts."""
 
 
@@ -33,7 +34,9 @@ _SPANS = {
 }
 """Seconds of one → the words that count it."""
 _WAYS = {"km", "kilometer", "kilometers", "kilometres", "miles", "mileage", "odometer",
-         "laufleistung", "strokes", "parts", "shots", "flights", "landings", "starts"}  # fmt: skip
+         "laufleistung", "strokes", "stroke", "parts", "part", "pieces", "piece", "shots", "shot",
+         "flights", "flight", "landings", "landing", "starts", "passes", "pass", "cuts", "cut",
+         "holes", "hole"}  # fmt: skip
 """What else a life is counted in."""
 _LABELS = {"unit", "id", "case", "machine", "engine", "serial", "asset", "device", "sn", "no", "nr"}
 
