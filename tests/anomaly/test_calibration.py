@@ -30,7 +30,7 @@ def test_a_textbook_cusum_cries_wolf() -> None:
     assert 0.83 < cried / 400 < 0.95  # 0.88 for an endless number of streams
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @first_of("rho", [0.9, -0.4, 0.0])
 def test_false_alarms_keep_their_rate_over_100_seeds(rho: float) -> None:
     total, runs, length = 0, 0, 10_000

@@ -113,6 +113,7 @@ def test_warthog_steady(
     assert error(model, found.p, test) <= limit
 
 
+@pytest.mark.long
 def test_warthog_transitory(data_set: Callable[[str], Path]) -> None:
     data = warthog(data_set("drive_warthog"))
     train = blocks(data, ~data.steady & data.train, data.along, True)

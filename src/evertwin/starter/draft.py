@@ -357,8 +357,8 @@ class Draft:
             lines += [f"  {name}: {what}" for name, what in asked]
             name, _, what = _cut(self.questions[0])
             lines.append(
-                f"  or --force --answer {name}.{what.split()[0]}=… here: times and the requirement "
-                "rest on it then"
+                f"  or said to init, on which times and the requirement rest then: evertwin init … "
+                f"--force --answer {name}.{what.split()[0]}=…"
             )
         if self.undescribed and self.model is not None:
             lines.append(
