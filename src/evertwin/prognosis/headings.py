@@ -35,8 +35,7 @@ _SPANS = {
 """Seconds of one → the words that count it."""
 _WAYS = {"km", "kilometer", "kilometers", "kilometres", "miles", "mileage", "odometer",
          "laufleistung", "strokes", "stroke", "parts", "part", "pieces", "piece", "shots", "shot",
-         "flights", "flight", "landings", "landing", "starts", "passes", "pass", "cuts", "cut",
-         "holes", "hole"}  # fmt: skip
+         "flights", "flight", "landings", "landing", "starts", "passes", "pass"}  # fmt: skip
 """What else a life is counted in."""
 _LABELS = {"unit", "id", "case", "machine", "engine", "serial", "asset", "device", "sn", "no", "nr"}
 
