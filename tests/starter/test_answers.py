@@ -12,6 +12,7 @@ import scipy
 from evertwin.app.starting import write_starter
 from evertwin.config import read
 from evertwin.errors import UsageError
+from evertwin.starter.oscillator_guess import driven
 
 
 @pytest.fixture
@@ -104,3 +105,17 @@ def test_of_a_current_that_was_set_the_voltage_answers(tmp_path: Path) -> None:
     text = written(file)
     assert 'u = { column = "Current", unit = "A" }' in text
     assert 'y = { column = "Voltage", unit = "V" }' in text
+
+
+def test_what_swings_is_told_by_a_rate_that_is_answered(tmp_path: Path) -> None:
+    rng = np.random.default_rng(6)
+    force = np.repeat(rng.normal(size=200), 20)
+    place = 1e-3 * driven(900.0, 6.0, 0.01, 900.0 * force)
+    file = tmp_path / "rig.csv"
+    rows = np.column_stack([force, place])
+    np.savetxt(
+        file, rows, fmt="%.8f", delimiter=",", header="force [N],displacement [m]", comments=""
+    )
+    assert 'kind = "drive_force"' in written(file)
+    assert 'kind = "python"' in written(file, "log.rate=100 Hz")
+    assert '"stiffness", 9' in (tmp_path / "twin_model.py").read_text()

@@ -189,7 +189,7 @@ class Function(_Written):
             _LOOKED_FOR.append(self)
         self._patience = taken + brief  # looking for kept code costs something, too
         pays = self._before + taken > self._compiling
-        if pays and self._compiling > LONG:
+        if pays and self._keeps and self._compiling > LONG:
             said = "compiling %s, once: up to %.0f s; its code is kept for every later start"
             LOG.info(said, f"{self.__module__}.{self.__name__}", self._compiling)
         return pays

@@ -300,7 +300,7 @@ class Draft:
     @cached_property
     def own(self) -> Store | Oscillator:
         """Where a model of one's own starts from."""
-        return own_of(self.proposal.matches, self.seen, self.period)
+        return own_of(self.proposal.matches, self.seen)
 
     @property
     def _goes(self) -> bool:
@@ -329,7 +329,7 @@ class Draft:
         return template("starter", "starter.toml.txt", column=_column).render(
             draft=self, model=model, ask=ASK, units=units, stands_in=stands_in(self.options),
             payload=", ".join(acting(model)) if self.once and model is not None else "",
-            starts=starts_of(model, self.proposal.matches, self.seen, self.period),
+            starts=starts_of(model, self.proposal.matches, self.seen),
             options=", ".join(f"{k} = {inline(v)}" for k, v in options.items()),
             wears=at_usual_speed(model, self.proposal, self.seen) if self.once and model else (),
             lag=self.once and model and time_constant(model, self.proposal, self.seen, self.above),

@@ -146,13 +146,13 @@ def _swings(seen: Sequence[Seen]) -> bool:
     if effort is None or place is None or place[0] != effort[0] or len(list(_varying(seen))) > 2:
         return False
     one = seen[place[0]]
-    if one.t is None:
+    t, y = one.clock, one.values(place[1])
+    if t is None:
         return False
-    y = one.values(place[1])
-    found, off = guess_oscillator(one.t, one.values(effort[1]), y)
+    found, off = guess_oscillator(t, one.values(effort[1]), y)
     if found is None or off > NEARER**2 * float(np.nanvar(y)):
         return False
-    return math.sqrt(found.stiffness) * float(np.ptp(one.t)) > SWINGS * math.tau
+    return math.sqrt(found.stiffness) * float(np.ptp(t)) > SWINGS * math.tau
 
 
 def _is_told(seen: Sequence[Seen]) -> bool:

@@ -91,6 +91,13 @@ class Seen:
         said = (sampled(c.name, c.low) for c in self.columns if c.low == c.high)
         return next((value for value in said if value is not None), None)
 
+    @property
+    def clock(self) -> Vector | None:
+        """When its first rows were [s]: by their stamps, or their period; None: nobody says."""
+        if self.t is not None or self.period is None:
+            return self.t
+        return self.period * np.arange(len(self.rows))
+
     @cached_property
     def shared(self) -> frozenset[str]:
         """Numbers that every heading has: they tell no column from another."""

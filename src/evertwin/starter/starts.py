@@ -31,12 +31,10 @@ STILL = 0.02
 """Share of its usual fastest speed up to which it does not move."""
 
 
-def own_of(
-    found: Sequence[Match], seen: Sequence[Seen], period: float | None
-) -> Store | Oscillator:
+def own_of(found: Sequence[Match], seen: Sequence[Seen]) -> Store | Oscillator:
     """Of a model of one's own, by what drives and what answers: a store, or a mass on a spring
     where that runs far nearer to the recording."""
-    told = _columns(("u", "y"), found, seen, period)
+    told = _columns(("u", "y"), found, seen)
     if told is None:
         return UNKNOWN
     part = tuple(one[: max(len(one) // 3, ENOUGH)] for one in told)  # it may change later
@@ -47,18 +45,18 @@ def own_of(
 
 
 def starts_of(
-    model: Model | None, found: Sequence[Match], seen: Sequence[Seen], period: float | None
+    model: Model | None, found: Sequence[Match], seen: Sequence[Seen]
 ) -> Mapping[str, tuple[float, str]]:
     """Of a heated box, and of an axis, with units [SI]; of other models nothing."""
     if model is None or not all(isinstance(one.scale, float) for one in found):
         return {}
     values = dict[str, float]()
     if isinstance(model, ThermalBox):
-        if told := _columns(("heater", "box", "room"), found, seen, period):
+        if told := _columns(("heater", "box", "room"), found, seen):
             values = _box(model, *told)
     elif isinstance(model, Drive | DriveForce):
         effort = (model.inputs if isinstance(model, Drive) else model.outputs).names[0]
-        if told := _columns(("speed", effort), found, seen, period):
+        if told := _columns(("speed", effort), found, seen):
             values = _axis(model.parameters.names[0], *told)
     numbers = {one.name: one for one in model.parameters}
     return {
@@ -106,7 +104,7 @@ def _axis(inertia: str, t: Vector, speed: Vector, effort: Vector) -> dict[str, f
 
 
 def _columns(
-    names: Sequence[str], found: Sequence[Match], seen: Sequence[Seen], period: float | None
+    names: Sequence[str], found: Sequence[Match], seen: Sequence[Seen]
 ) -> tuple[Vector, ...] | None:
     """Time [s] and channels in SI, of one table; None where it does not hold them all."""
     matches: dict[str, Match] = {match.channel: match for match in found if match.column != ASK}
@@ -115,9 +113,7 @@ def _columns(
         return None
     (source,) = sources
     values = tuple(_in_si(seen[source], matches[name]) for name in names)
-    t = seen[source].t
-    if t is None and period is not None:
-        t = period * np.arange(len(values[0]))
+    t = seen[source].clock
     return None if t is None else (t, *values)
 
 
