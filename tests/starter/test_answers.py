@@ -116,6 +116,6 @@ def test_what_swings_is_told_by_a_rate_that_is_answered(tmp_path: Path) -> None:
     np.savetxt(
         file, rows, fmt="%.8f", delimiter=",", header="force [N],displacement [m]", comments=""
     )
-    assert 'kind = "drive_force"' in written(file)
+    assert 'kind = "drive"' in written(file)
     assert 'kind = "python"' in written(file, "log.rate=100 Hz")
     assert '"stiffness", 9' in (tmp_path / "twin_model.py").read_text()
