@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from evertwin.fold import Block, Event, make_block
+from evertwin.machines.drive import Drive
 from evertwin.sync import Arbiter, Rule, Track
 from evertwin.sync import places as at
 from evertwin.sync.factor_loop import weigh
@@ -92,3 +93,31 @@ def test_a_friction_that_no_model_knows_is_no_unit() -> None:
     assert in_scale(limits, values, 0)
     assert not stands_out(limits, values, 0, 4.0)
     assert stands_out(limits, values, 0, 7.85 * 4.0)
+
+
+def pushed(seed: int) -> Block:
+    """A cart that stands while its force is measured as noise, and is pushed from then on."""
+    rng = np.random.default_rng(seed)
+    mass, size = rng.uniform(3.0, 40.0), rng.uniform(1.0, 4.0)
+    steps = np.repeat(rng.uniform(-1, 1, 100), rng.integers(50, 200, 100))[: ROWS - 300]
+    force = mass * size * np.concatenate([np.zeros(300), steps])
+    x = np.zeros((ROWS, 2))
+    for k in range(1, ROWS):
+        v = x[k - 1, 1] + 0.01 * (force[k] / mass - x[k - 1, 1])
+        x[k] = x[k - 1, 0] + 0.01 * v, v
+    y = x + rng.normal(size=x.shape) * [0.002, 0.01]
+    read = force + rng.normal(0.0, 0.005 * mass * size, ROWS)
+    return make_block(t=np.arange(ROWS) * 10**7, u=read[:, None] / mass, y=y)
+
+
+@pytest.mark.parametrize("mass", [0.07, 0.3, 1.0, 10.0])
+def test_the_first_push_of_a_cart_is_in_no_other_unit(mass: float) -> None:
+    """However far off the first guess of its mass is; the noise at rest is no range."""
+    told = 0
+    for seed in range(10):
+        block = pushed(seed)
+        stage = Track(Drive(), Arbiter(Rule(use="blend")))
+        start = stage.renew(stage.init(), np.array([mass, mass, 0.0, 0.0]))
+        events = [e for e in stage.step(start, block)[1].records if isinstance(e, Event)]
+        told += any(e.signal == "force" for e in events)
+    assert told == 0

@@ -24,6 +24,7 @@ from evertwin.sync.horizon_loop import wrapped
 from evertwin.sync.input_unit_loop import (
     ALIKE,
     CLEAR,
+    LEVEL,
     LONGEST,
     REACH,
     SURE,
@@ -64,16 +65,25 @@ def is_any_beyond(inputs: Any, counts: Any, u: Any, i: int, widths: float) -> bo
 
 
 @njit(**HOT)
-def count_usual(inputs: Any, counts: Any, u: Any, i: int) -> bool:
+def count(inputs: Any, counts: Any, k: int, value: float, moves: bool) -> None:
+    """One more believed value of an input, which is in its range."""
+    inputs[k, at.BELIEVED] = value
+    if abs(value - inputs[k, at.LEVEL]) > LEVEL * (inputs[k, at.HIGHEST] - inputs[k, at.LOWEST]):
+        inputs[k, at.LEVEL] = value
+        counts[k, at.CHANGES] += 1
+    counts[k, at.SEEN] += 1
+    counts[k, at.MOVING] += moves
+
+
+@njit(**HOT)
+def count_usual(inputs: Any, counts: Any, u: Any, i: int, moves: bool) -> bool:
     """Counts a row whose inputs are all in the range that they had, none doubted; else False."""
     for k in range(u.shape[1]):
         value = u[i, k]
         if not inputs[k, at.LOWEST] <= value <= inputs[k, at.HIGHEST] or counts[k, at.DOUBTED] > 0:
             return False
     for k in range(u.shape[1]):
-        counts[k, at.CHANGES] += u[i, k] != inputs[k, at.BELIEVED]
-        inputs[k, at.BELIEVED] = u[i, k]
-        counts[k, at.SEEN] += 1
+        count(inputs, counts, k, u[i, k], moves)
     return True
 
 
@@ -245,7 +255,8 @@ def refuse_impossible(
 
 @njit(**COLD)
 def believe(
-    inputs: Any, counts: Any, notes: Any, u: Any, doubts: Any, i: int, now: Any, follows: bool
+    inputs: Any, counts: Any, notes: Any, u: Any, doubts: Any, i: int, now: Any, follows: bool,
+    moves: bool,
 ) -> None:  # fmt: skip
     """The row's inputs that are believed: the end of a doubt, and what they widen if followed, and
     if no other unit is likelier."""
@@ -257,11 +268,10 @@ def believe(
         likelier = counts[k, at.VALUES_OF] > 0 and ahead(inputs, k, True) > 0.0
         if not outside or (follows and not likelier):
             first = counts[k, at.SEEN] == 0
-            counts[k, at.CHANGES] += not first and value != inputs[k, at.BELIEVED]
-            inputs[k, at.BELIEVED] = value
             inputs[k, at.LOWEST] = value if first else min(inputs[k, at.LOWEST], value)
             inputs[k, at.HIGHEST] = value if first else max(inputs[k, at.HIGHEST], value)
-            counts[k, at.SEEN] += 1
+            inputs[k, at.LEVEL] = value if first else inputs[k, at.LEVEL]
+            count(inputs, counts, k, value, moves)
         if counts[k, at.DOUBTED] == 0:
             continue
         if counts[k, at.SAID] == LATER:

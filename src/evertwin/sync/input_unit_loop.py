@@ -43,11 +43,16 @@ ALIKE = 0.15
 """How near to a factor an input has to rise all at once: it may have moved by itself as well. What
 differs by more are two values."""
 ENOUGH = 100
-"""Believed rows from which the range is known."""
-LEVELS = 10
-"""Changes that it takes, too: of a command in steps, few rows are few values."""
+"""Believed rows from which the range is known, since the machine moved: that of a machine at rest
+is its command's noise."""
+LEVELS, LEVEL = 10, 0.1
+"""Levels that it takes, too: of a command in steps, few rows are few values; share of its range
+that parts two."""
 APART = 30.0
 """Widths by which a value is outside the range of fewer: a step to ten times the last is not."""
+SELDOM, LIVELY = 16, 0.25
+"""Rows of which one says whether a model is in scale; share of the largest value of its range from
+which on an input does much."""
 RECORDED, HELD, NOTHING, UNKNOWN, UNITS = range(5)
 """Hypotheses: the input as recorded, as it was, none, one that nobody knows; from then on, divided
 by each factor."""
@@ -59,7 +64,7 @@ VAGUE = 0.65
 def is_beyond(inputs: Any, counts: Any, k: int, u: float, widths: float) -> bool:
     """Is a value outside the known range of its input, by more than so many widths of it?"""
     low, high = inputs[k, at.LOWEST], inputs[k, at.HIGHEST]
-    if counts[k, at.SEEN] < ENOUGH or not high > low:
+    if counts[k, at.MOVING] < ENOUGH or not high > low:
         return False
     away = (widths if counts[k, at.CHANGES] >= LEVELS else max(widths, APART)) * (high - low)
     return bool(u > high + away or u < low - away)
@@ -147,10 +152,47 @@ def surprise(judging: Any, row: Any, predicted: Any, asked: bool) -> float:
 
 @njit(**COLD)
 def is_asked(inputs: Any, counts: Any, k: int, u: float) -> bool:
-    """Is the unit of an input in question at this row?"""
+    """Is the unit of an input in question at this row? Near its range only where the model is known
+    to be in scale: one that is not is off by a factor anyway."""
     if inputs[k, at.BY] != 0.0 and 0 < counts[k, at.DOUBTED] < LONGEST:
         return True
-    return bool(counts[k, at.DOUBTED] < LONGEST and is_beyond(inputs, counts, k, u, MARGIN))
+    least = MARGIN if inputs[k, at.OVERDONE] <= -CLEAR else REACH
+    return bool(counts[k, at.DOUBTED] < LONGEST and is_beyond(inputs, counts, k, u, least))
+
+
+@njit(**COLD)
+def weigh_scale(
+    machine: Any, judging: Any, inputs: Any, u: Any, i: int, row: Any, spare: Any
+) -> None:
+    """One of the inputs of a usual row: would the samples be likelier if it did nothing, as one does
+    that does less than half of what the model says?"""
+    step, _, c, _, dt, p = machine
+    other, x, y, start = spare
+    k = row[3][0] // SELDOM % u.shape[1]
+    most = max(abs(inputs[k, at.LOWEST]), abs(inputs[k, at.HIGHEST]))
+    if not abs(u[i, k]) > LIVELY * most:
+        return
+    measured_before(machine, judging[0][0], judging[1], row, start, y)
+    for m in range(u.shape[1]):
+        other[m] = u[i, m]
+    more = 0.0
+    for share in (1.0, 0.0):
+        other[k] = share * u[i, k]
+        code = call(
+            step,
+            c,
+            start.ctypes.data,
+            other.ctypes.data,
+            dt,
+            p,
+            x.ctypes.data,
+            y.ctypes.data,
+        )
+        if code != 0 or not is_known(x):
+            return
+        said = surprise(judging, row, y, True)
+        more += said if share == 1.0 else -said
+    inputs[k, at.OVERDONE] = min(max(inputs[k, at.OVERDONE] + more, -DECIDED), DECIDED)
 
 
 @njit(**COLD)

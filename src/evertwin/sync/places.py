@@ -72,7 +72,9 @@ CHANGE, LINE, AWAY_AT, AWAY_FROM = 55, 56, 57, 58
 off the straight line through the two before; first doubted sample, and where that line is then."""
 CARRIES = 59
 """And the first row + 1 of the last fault by a factor that it is known to be off by."""
-VALUES = 60
+NET, LEAST, MOST = 60, 61, 62
+"""And how far trusted samples have come by now, net, and how far at least and at most."""
+VALUES = 63
 (
     STARTED, VALID, GOOD_AT, LAST_AT, CAUSE, ONSET, UNTIL, FAULTS, TOLD, CONTEST, BATCH, BATCH_ROW,
     LEFT, SAMPLES, UPDATES, RESETS, CONTESTED, ERRORS, TURNS, HELD_BY, QUIET,
@@ -97,21 +99,22 @@ SPREAD, INTERVAL, OUTSIDE, FACTOR, SOUND_BY, LOUDEST = range(6)
 trusted samples [ns]; share of contested samples; suspected factor; how much likelier it is that it
 is over; largest test ratio of the contested samples without verdict."""
 FIGURES = 6
-LOWEST, HIGHEST, BELIEVED, BY, OVER, WAS, LATEST, AHEAD, SCORES = range(9)
+LOWEST, HIGHEST, BELIEVED, BY, OVER, WAS, LATEST, AHEAD, LEVEL, OVERDONE, SCORES = range(11)
 """Memory per input: range of its believed values; the last one; suspected factor, 0: none, and
 how much likelier it is that it is over; while its unit is in question, what it was before, the
-newest value that differs from those before, how far a factor was ahead where that began, and how
+newest value that differs from those before, how far a factor was ahead where that began, the level
+that it is at; how much likelier usual rows are if it does nothing; and how
 unlikely each hypothesis is so far."""
 (
     SEEN, DOUBTED, DOUBT_ROW, TO, SAID, CHANGES, ASKED, VALUES_OF, LEAPT, NEITHER, OPENED,
-    PROVEN_BY,
-) = range(12)  # fmt: skip
+    PROVEN_BY, MOVING,
+) = range(13)  # fmt: skip
 """Memory per input, integers: believed values; doubted ones since then, the first and last row; are
-they told?; believed values other than the one before; newest row at which its unit was in question;
+they told?; levels among believed values; newest row at which its unit was in question;
 values that differ since then, 0: it is not; by which factor it leapt there, or was off by before;
 rows lately that follow it neither as recorded nor divided; the row since when it is in question;
-values that told for a factor."""
-BELIEFS = 12
+values that told for a factor; believed values since an output moved."""
+BELIEFS = 13
 
 (
     BESIDE_OFF, BESIDE_NOISE, BESIDE_FROM, BESIDE_AFTER, BESIDE_PATH, BESIDE_LAG, MEAN_X,

@@ -31,6 +31,11 @@ OUT = 3.0
 """Times the rms of what a model is off by from which on an output stands out of it."""
 
 
+REACHES, SHARP = 16.0, 6.0
+"""Squared span of pure noise over the mean square by which it lies off a straight line, at most;
+that over its variance."""
+
+
 @njit(**HOT)
 def grown(rules: Any, numbers: Any, figures: Any, g: int, stamp: int) -> float:
     """Growth of the innovation's variance since the last trusted sample; 1 at the interval.
@@ -154,7 +159,8 @@ def implausible(settings: Any, memory: Any, sample: Any, g: int, size: int, stam
 
 @njit(**HOT)
 def extend(limits: Any, values: Any, numbers: Any, sample: Any, g: int, size: int) -> None:
-    """One more trusted sample: how far off the line through the two before, model aside."""
+    """One more trusted sample: how far off the line through the two before, model aside, and how
+    far the output has come."""
     room, y = sample[0], sample[1]
     few = min(max(numbers[g, at.SAMPLES], 1), at.MEMORY)
     for k in range(size):
@@ -163,6 +169,20 @@ def extend(limits: Any, values: Any, numbers: Any, sample: Any, g: int, size: in
         off = change - values[j, at.CHANGE]
         values[j, at.CHANGE] = change
         values[j, at.LINE] += (off * off - values[j, at.LINE]) / few
+        values[j, at.NET] += change
+        values[j, at.LEAST] = min(values[j, at.LEAST], values[j, at.NET])
+        values[j, at.MOST] = max(values[j, at.MOST], values[j, at.NET])
+
+
+@njit(**HOT)
+def has_moved(values: Any) -> bool:
+    """Has an output come farther than its noise alone reaches?"""
+    for j in range(values.shape[0]):
+        span = values[j, at.MOST] - values[j, at.LEAST]
+        noise = min(values[j, at.LINE], SHARP * values[j, at.BASE])
+        if span * span > REACHES * noise:
+            return True
+    return False
 
 
 @njit(**COLD)

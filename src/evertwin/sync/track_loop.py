@@ -30,10 +30,10 @@ from evertwin.sync.input_loop import (
     refuse_impossible,
     usual_instead,
 )
-from evertwin.sync.input_unit_loop import REACH, ask, name_units, weigh_units
+from evertwin.sync.input_unit_loop import REACH, SELDOM, ask, name_units, weigh_scale, weigh_units
 from evertwin.sync.options import HOT
 from evertwin.sync.places import Finding
-from evertwin.sync.plausible_loop import grown, variance_of
+from evertwin.sync.plausible_loop import grown, has_moved, variance_of
 from evertwin.sync.run_loop import goes, keep_start
 from evertwin.sync.vote_loop import note
 
@@ -191,15 +191,19 @@ def run(
             failed = code != 0 or not is_known(next_x) or (anew and not is_known(sample[2]))
         for j in range(ny):
             measured[j], marked[j], take[j] = y[i, j], mark[i, nu + j], np.nan
-        usual, follows = count_usual(known[0], known[1], inputs, i), not anew or nx == 0
+        moved = has_moved(memory[0])
+        usual = count_usual(known[0], known[1], inputs, i, moved)
+        follows = not anew or nx == 0
         # what no state keeps spoils its own row alone
-        judged, asked_of = not usual and not anew and nx > 0, False
-        if judged and is_any_beyond(known[0], known[1], inputs, i, 0.0):
-            row = groups, sample[1], seen, now, phase, np.int64(np.rint(1e9 * dt[i]))
+        judged, asked_of = not anew and nx > 0, False
+        machine = step, observe, c, own_x, dt[i], parameters
+        row = groups, sample[1], seen, now, phase, np.int64(np.rint(1e9 * dt[i]))
+        judging, spare = (settings, memory, statistics), (other, beyond, expects, from_here)
+        if judged and usual and moved and now[0] % SELDOM == 0:
+            weigh_scale(machine, judging, known[0], inputs, i, row, spare)
+        if judged and not usual and is_any_beyond(known[0], known[1], inputs, i, 0.0):
             asked_of = ask(ranges_of, known[0], known[1], inputs, i, now[0])
             if asked_of:
-                machine = step, observe, c, own_x, dt[i], parameters
-                judging, spare = (settings, memory, statistics), (other, beyond, expects, from_here)
                 weigh_units(machine, judging, known, ranges_of, inputs, i, row, spare)
                 name_units(known[0], known[1], inputs, i)
             by_factor = usual_instead(known[0], known[1], inputs, i, alike)
@@ -224,7 +228,7 @@ def run(
                 for j in range(ny):
                     predicted[j] = expects[j]
         if not usual:
-            believe(known[0], known[1], notes, inputs, doubted, i, now, follows)
+            believe(known[0], known[1], notes, inputs, doubted, i, now, follows, moved)
         if raised:  # no more is known of it than of a row without inputs
             clock[FIRST_FAILED] = clock[FIRST_FAILED] if clock[FAILED] > 0 else first + i
             clock[FAILED] += 1
