@@ -164,8 +164,8 @@ def is_asked(inputs: Any, counts: Any, k: int, u: float) -> bool:
 def weigh_scale(
     machine: Any, judging: Any, inputs: Any, u: Any, i: int, row: Any, spare: Any
 ) -> None:
-    """One of the inputs of a usual row: would the samples be likelier if it did nothing, as one does
-    that does less than half of what the model says?"""
+    """One input of a usual row: would the samples be likelier if it did nothing, as where it
+    does less than half of what the model says?"""
     step, _, c, _, dt, p = machine
     other, x, y, start = spare
     k = row[3][0] // SELDOM % u.shape[1]
