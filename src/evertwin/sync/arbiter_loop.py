@@ -35,6 +35,7 @@ from evertwin.sync.vote_loop import (
     sides,
     widen,
 )
+from evertwin.sync.workspace import Case
 
 OK, CONTESTED = int(Mark.OK), int(Mark.CONTESTED)
 OVERRULED, ERROR = int(Mark.OVERRULED), int(Mark.ERROR)
@@ -51,23 +52,21 @@ FOUND_FRESH, FOUND_WIDER = int(Finding.FRESH), int(Finding.WIDER)
 
 
 @njit(**COLD)
-def forget(rules: Any, memory: Any, rows: Any, notes: Any, g: int, now: Any) -> None:
+def forget(case: Case, g: int, now: Any) -> None:
     """The state starts anew: what is open is closed, and the next sample is adopted as it is."""
-    end_contest(rules, memory, rows, notes, g, now)
-    end_fault(memory, notes, g, now)
-    memory[1][g, at.STARTED] = memory[1][g, at.FREE] = 0
+    end_contest(case, g, now)
+    end_fault(case, g, now)
+    numbers = case.memory[1]
+    numbers[g, at.STARTED] = numbers[g, at.FREE] = 0
     for kind in range(2):
-        memory[1][g, at.RUN + kind] = memory[1][g, at.STOOD + kind] = 0
+        numbers[g, at.RUN + kind] = numbers[g, at.STOOD + kind] = 0
 
 
 @njit(**HOT)
-def settle(
-    limits: Any, memory: Any, sample: Any, g: int, size: int, stamp: int, adopt: bool,
-    spread: float,
-) -> None:  # fmt: skip
+def settle(case: Case, g: int, size: int, stamp: int, adopt: bool, spread: float) -> None:
     """A trusted sample: adopt it where asked and possible; keep how far it is off after that."""
-    values, numbers, figures = memory
-    room, y, predicted, take = sample
+    limits, (values, numbers, figures) = case.settings[0], case.memory
+    room, y, predicted, take = case.sample
     for k in range(size):
         j = room[k]
         if adopt and limits[j, at.ADOPTS] > 0:
@@ -94,11 +93,10 @@ def moderated(values: Any, j: int, off: float) -> float:
 
 
 @njit(**HOT)
-def use(settings: Any, memory: Any, sample: Any, g: int, size: int, stamp: int) -> int:
+def use(case: Case, g: int, size: int, stamp: int) -> int:
     """A sample inside the gate: nothing, a tolerance update, or a blend."""
-    limits, rules, _ = settings
-    values, numbers, figures = memory
-    room, y, predicted, take = sample
+    (limits, rules, _), (values, numbers, figures) = case.settings, case.memory
+    room, y, predicted, take = case.sample
     share, elapsed = rules[g, at.BLEND], float(stamp - numbers[g, at.GOOD_AT])
     known = figures[g, at.INTERVAL]
     steps = elapsed / known if known > 0 else 1.0
@@ -106,7 +104,7 @@ def use(settings: Any, memory: Any, sample: Any, g: int, size: int, stamp: int) 
     limited = min(elapsed, 3.0 * known)
     figures[g, at.INTERVAL] = known + (limited - known) / 32.0 if known > 0 else elapsed
     few = min(numbers[g, at.SAMPLES], RECENT)
-    extend(limits, values, numbers, sample, g, size)
+    extend(limits, values, numbers, case.sample, g, size)
     for k in range(size):
         j = room[k]
         nu, move = values[j, at.NU], values[j, at.MOVE]
@@ -134,14 +132,14 @@ def use(settings: Any, memory: Any, sample: Any, g: int, size: int, stamp: int) 
                 weight = gain if values[j, at.BASE] < np.inf else 1.0
                 take[j] = predicted[j] + weight * moderated(values, j, off)
                 adopt = True
-        settle(limits, memory, sample, g, size, stamp, False, gain)
+        settle(case, g, size, stamp, False, gain)
         return BLENDED if adopt else 0
     if rules[g, at.USE] == at.UPDATE:
         for k in range(size):
             j = room[k]
             off = abs(wrapped(y[j] - predicted[j], limits[j, at.ANGLE] > 0))
             adopt = adopt or (limits[j, at.ADOPTS] > 0 and off > limits[j, at.TOLERANCE])
-    settle(limits, memory, sample, g, size, stamp, adopt, share)
+    settle(case, g, size, stamp, adopt, share)
     numbers[g, at.UPDATES] += adopt
     return ADOPTED if adopt else 0
 
@@ -161,79 +159,70 @@ def concede(limits: Any, values: Any, room: Any, size: int) -> None:
 
 
 @njit(**COLD)
-def contest(
-    settings: Any, memory: Any, statistics: Any, board: Any, notes: Any, sample: Any, g: int,
-    size: int, now: Any, phase: int,
-) -> tuple[int, int]:  # fmt: skip
+def contest(case: Case, g: int, size: int, now: Any, phase: int) -> tuple[int, int]:
     """A sample outside the gate: the vote."""
-    limits, rules, _ = settings
-    values, numbers, figures = memory
-    room, rows, votes = sample[0], board[3], int(rules[g, at.VOTE])
-    remember(rules, memory, board, room, g, size, now[0], now[1])
+    (limits, rules, _), (values, numbers, figures) = case.settings, case.memory
+    room, rows, votes = case.sample[0], case.board[3], int(rules[g, at.VOTE])
+    remember(case, g, size, now)
     full = numbers[g, at.CONTEST] >= votes
     if full:
         growth = grown(rules, numbers, figures, g, now[1])
-        factor = scaled(settings, memory, statistics[1], board, room, g, size, growth)
+        factor = scaled(case, g, size, growth)
         if factor != 0.0:
             onset = numbers[g, at.BATCH_ROW]
-            for _ in range(blamed(memory, g, factor)):
-                fault(rules, memory, notes, g, FACTOR, onset, now)
+            for _ in range(blamed(case.memory, g, factor)):
+                fault(case, g, FACTOR, onset, now)
             return ERROR, 0
-        end_fault(memory, notes, g, now)
-    agreed = full and agrees(settings, values, board, room, g, size)
+        end_fault(case, g, now)
+    agreed = full and agrees(case, g, size)
     # What left the vote without agreement was an error, told for all of them at once; a few before
     # an agreement were on the way to it.
     late = numbers[g, at.BATCH] - votes
     if late >= votes:
         span = (numbers[g, at.BATCH_ROW], numbers[g, at.LEFT], late)
-        note(notes, memory, now, FOUND_ERROR, g, VOTE, span)
+        note(case, now, FOUND_ERROR, g, VOTE, span)
         numbers[g, at.BATCH_ROW], numbers[g, at.BATCH] = rows[0, g], votes
     if agreed:
-        note(notes, memory, now, FOUND_OVERRULED, g, 0, (rows[0, g], now[0], votes))
+        note(case, now, FOUND_OVERRULED, g, 0, (rows[0, g], now[0], votes))
         numbers[g, at.CONTEST] = numbers[g, at.BATCH] = 0
         numbers[g, at.RESETS] += 1
         figures[g, at.OUTSIDE] = 0.0
         concede(limits, values, room, size)
-        weigh_anew(limits, values, board, room, size, votes)
-        refresh(memory, notes, g, now)
-        settle(limits, memory, sample, g, size, now[1], True, 1.0)
+        weigh_anew(limits, values, case.board, room, size, votes)
+        refresh(case, g, now)
+        settle(case, g, size, now[1], True, 1.0)
         return OVERRULED, RESET
-    if numbers[g, at.CAUSE] != FACTOR and widen(rules, memory, statistics, room, g, size, phase):
-        note(notes, memory, now, FOUND_WIDER, g, 0, (now[0], now[0], 0))
+    if numbers[g, at.CAUSE] != FACTOR and widen(case, g, size, phase):
+        note(case, now, FOUND_WIDER, g, 0, (now[0], now[0], 0))
     return CONTESTED, 0
 
 
 @njit(**COLD)
-def refresh(memory: Any, notes: Any, g: int, now: Any) -> None:
+def refresh(case: Case, g: int, now: Any) -> None:
     """The group is valid (again)."""
-    numbers = memory[1]
+    numbers = case.memory[1]
     if numbers[g, at.VALID] == 2:
-        note(notes, memory, now, FOUND_FRESH, g, 0, (now[0], now[0], 0))
+        note(case, now, FOUND_FRESH, g, 0, (now[0], now[0], 0))
     numbers[g, at.VALID] = 1
 
 
 @njit(**COLD)
-def accuse(
-    settings: Any, memory: Any, notes: Any, sample: Any, g: int, size: int, cause: int, now: Any
-) -> None:  # fmt: skip
+def accuse(case: Case, g: int, size: int, cause: int, now: Any) -> None:
     """An obvious error; a frozen sensor was so since its run began."""
-    numbers, onset = memory[1], now[0]
+    numbers, onset = case.memory[1], now[0]
     numbers[g, at.FREE] = 0
     if cause == FROZEN:
         onset = numbers[g, at.RUN_ROW + numbers[g, at.HELD_BY]]
         if numbers[g, at.CAUSE] != FROZEN:
-            withdraw(settings, memory, sample, g, size)
+            withdraw(case, g, size)
             if numbers[g, at.BATCH_ROW] >= onset:
                 # What was contested since then is part of the same fault.
                 numbers[g, at.CONTEST] = numbers[g, at.BATCH] = 0
-    fault(settings[1], memory, notes, g, cause, onset, now)
+    fault(case, g, cause, onset, now)
 
 
 @njit(**HOT)
-def judge(
-    settings: Any, memory: Any, statistics: Any, board: Any, notes: Any, sample: Any, g: int,
-    size: int, now: Any, phase: int, teaches: bool,
-) -> tuple[int, int]:  # fmt: skip
+def judge(case: Case, g: int, size: int, now: Any, phase: int, teaches: bool) -> tuple[int, int]:
     """Mark and use of one sample; fills ``take`` with what the state adopts. ``size`` < 0: refused.
 
     Args:
@@ -241,26 +230,25 @@ def judge(
         teaches: may it tell how far predictions are off? Not while an input may be in another unit,
             nor, until much is known, one that stays: that has no noise.
     """
-    limits, rules, _ = settings
-    values, numbers, figures = memory
-    room, y, predicted, _ = sample
+    (limits, rules, _), (values, numbers, figures) = case.settings, case.memory
+    (room, y, predicted, _), statistics = case.sample, case.statistics
     if size < 0:
-        fault(rules, memory, notes, g, SYNTAX, now[0], now)
+        fault(case, g, SYNTAX, now[0], now)
         return ERROR, 0
     started, ratio = numbers[g, at.STARTED] > 0, 0.0
     for k in range(size):
         started = started and predicted[room[k]] == predicted[room[k]]
     if started:
-        ratio = measure(settings, memory, statistics, sample, g, size, now[1], phase)
-    follow(settings, memory, sample, g, size, now, ratio > 1.0)
-    cause = implausible(settings, memory, sample, g, size, now[1])
+        ratio = measure(case, g, size, now[1], phase)
+    follow(case, g, size, now, ratio > 1.0)
+    cause = implausible(case, g, size, now[1])
     open_factor, held = started and numbers[g, at.CAUSE] == FACTOR, 0
     if open_factor and cause in (0, FROZEN):  # a factor may leave few digits that change
         growth = grown(rules, numbers, figures, g, now[1])
-        held = persists(settings, memory, sample, g, size, growth)
+        held = persists(case, g, size, growth)
         cause = FACTOR if held > 0 else cause
     if cause == 0 and ratio > 1.0:
-        cause = doubted(settings, memory, sample, g, size)
+        cause = doubted(case.settings, case.memory, case.sample, g, size)
     for k in range(size):
         values[room[k], at.LAST] = y[room[k]]
     numbers[g, at.LAST_AT] = now[1]
@@ -269,28 +257,26 @@ def judge(
             values[room[k], at.WRONG] = values[room[k], at.NU]
             values[room[k], at.NU_BEFORE] = np.nan
     if cause > 0:
-        accuse(settings, memory, notes, sample, g, size, cause, now)
+        accuse(case, g, size, cause, now)
         return ERROR, 0
     if not open_factor or held < 0:
-        end_fault(memory, notes, g, now)
+        end_fault(case, g, now)
     elif ratio <= 1.0:
         return CONTESTED, 0  # it may be sound again; the next rows say so
     outside = ratio > 1.0
     if not outside and numbers[g, at.CONTEST] > 0 and started:
-        outside = sides(limits, values, board, rules, room, g, size)
+        outside = sides(case, g, size)
     if outside:
         before = figures[g, at.LOUDEST] if numbers[g, at.BATCH] > 0 else 0.0
         figures[g, at.LOUDEST] = max(before, ratio)
-        verdict, done = contest(
-            settings, memory, statistics, board, notes, sample, g, size, now, phase
-        )
-        return verdict, done
+        verdict, done = contest(case, g, size, now, phase)
+        return int(verdict), int(done)
     if numbers[g, at.CONTEST] > 0:
-        end_contest(rules, memory, board[3], notes, g, now)
+        end_contest(case, g, now)
     if numbers[g, at.VALID] != 1:
-        refresh(memory, notes, g, now)
+        refresh(case, g, now)
     if not started:
-        settle(limits, memory, sample, g, size, now[1], True, 1.0)
+        settle(case, g, size, now[1], True, 1.0)
         return OK, FIRST
     growth = grown(rules, numbers, figures, g, now[1])
     for k in range(size):
@@ -300,4 +286,4 @@ def judge(
         weigh(limits, values, j, y[j], predicted[j])
     learn_noise(values, numbers, room, g, size if teaches else 0)
     figures[g, at.OUTSIDE] *= 1.0 - 1.0 / (4.0 * rules[g, at.VOTE])
-    return OK, use(settings, memory, sample, g, size, now[1])
+    return OK, use(case, g, size, now[1])

@@ -31,6 +31,7 @@ from evertwin.sync.options import COLD, HOT
 from evertwin.sync.places import Cause, Finding
 from evertwin.sync.plausible_loop import leapt
 from evertwin.sync.vote_loop import end_contest, end_fault, fault, note
+from evertwin.sync.workspace import Case, fill
 
 FACTOR, AWAY = int(Cause.FACTOR), int(Cause.AWAY)
 ERROR = int(Finding.ERROR)
@@ -49,12 +50,10 @@ NEAR = 0.2
 
 
 @njit(**HOT)
-def is_doubtful(
-    settings: Any, memory: Any, sample: Any, g: int, size: int, verdict: int, starts: bool
-) -> bool:  # fmt: skip
+def is_doubtful(case: Case, g: int, size: int, verdict: int, starts: bool) -> bool:
     """Was a sample contested, or farther from the prediction than noise explains, and adopted?"""
-    limits, rules, _ = settings
-    values, (room, y, predicted, _) = memory[0], sample
+    (limits, rules, _), values = case.settings, case.memory[0]
+    room, y, predicted, _ = case.sample
     if starts:
         return bool(limits[room[0], at.ADOPTS] > 0)
     if verdict == ERROR_MARK or rules[g, at.USE] == at.NONE:
@@ -69,22 +68,22 @@ def is_doubtful(
 
 
 @njit(**COLD)
-def begin(
-    limits: Any, memory: Any, other: Any, sample: Any, x: Any, beside: Any, g: int, size: int,
-    now: Any, how: int, believed: bool,
-) -> None:  # fmt: skip
-    """From this row on, ``x`` before anything of it is adopted goes on beside."""
-    account, matter = other
+def begin(case: Case, g: int, size: int, now: Any, how: int, believed: bool) -> None:
+    """From this row on, the state before anything of it is adopted goes on beside."""
+    account, matter = case.told
     if matter[at.OWNER] > 0:
         if matter[at.OWNER] == g + 1:
             matter[at.HOW] = max(matter[at.HOW], how)  # a start stays one
         return
-    values, (room, y, predicted, _) = memory[0], sample
+    limits, (values, numbers, _), (room, y, predicted, _) = (
+        case.settings[0],
+        case.memory,
+        case.sample,
+    )
     matter[at.OWNER], matter[at.SINCE], matter[at.SINCE_AT] = g + 1, now[0], now[1]
     matter[at.WEIGHED], matter[at.HOW] = 0, how
-    matter[at.TRUSTED] = memory[1][g, at.SAMPLES] - believed
-    for k in range(x.shape[0]):
-        beside[k] = x[k]
+    matter[at.TRUSTED] = numbers[g, at.SAMPLES] - believed
+    fill(case.beside, case.x)
     for k in range(size):
         j = room[k]
         account[j, :] = 0.0
@@ -92,7 +91,7 @@ def begin(
         account[j, at.BESIDE_OFF] = off - values[j, at.NU] if how != STARTED else 0.0
         # Of a few samples it is a guess that is far too large, by which any line is a factor's.
         # The one that starts now has told nothing of it, nor have the first two of all.
-        guessed = how == STARTED and memory[1][g, at.SAMPLES] - 3 < at.LEARN
+        guessed = how == STARTED and numbers[g, at.SAMPLES] - 3 < at.LEARN
         account[j, at.BESIDE_NOISE] = np.inf if guessed else 0.5 * values[j, at.BASE]
         # What crept was followed for a while already.
         account[j, at.BESIDE_LAG] = abs(off) if how == CREPT and believed else 0.0
@@ -170,20 +169,17 @@ def is_factor(
 
 
 @njit(**COLD)
-def outcome(
-    settings: Any, memory: Any, other: Any, sample: Any, expects: Any, g: int, size: int, stamp: int
-) -> float:  # fmt: skip
+def outcome(case: Case, g: int, size: int, stamp: int) -> float:
     """0: not known yet; 1: the samples came back to the state beside; else the factor they have."""
-    limits, rules, _ = settings
-    values, numbers, _ = memory
-    account, matter = other
+    (limits, rules, _), memory, sample = case.settings, case.memory, case.sample
+    (values, numbers, _), (account, matter), expects = memory, case.told, case.expects
     room, y, predicted, _ = sample
     matter[at.WEIGHED] += 1
     rows = matter[at.WEIGHED]
     back, away, far, alone = True, False, False, False
     for k in range(size):
         j = room[k]
-        angle, near = limits[j, at.ANGLE] > 0, room_beside(rules, memory, other, g, j, stamp)
+        angle, near = limits[j, at.ANGLE] > 0, room_beside(rules, memory, case.told, g, j, stamp)
         expected = expects[j] + account[j, at.BESIDE_OFF]
         back = back and abs(wrapped(y[j] - expected, angle)) <= near
         apart = abs(wrapped(predicted[j] + values[j, at.OFFSET] - expected, angle))
@@ -231,18 +227,13 @@ def outcome(
 
 
 @njit(**COLD)
-def turn_back(
-    settings: Any, memory: Any, statistics: Any, other: Any, rows_of: Any, notes: Any, sample: Any,
-    expects: Any, x: Any, beside: Any, g: int, size: int, now: Any, found: float,
-) -> None:  # fmt: skip
+def turn_back(case: Case, g: int, size: int, now: Any, found: float) -> None:
     """What was believed was an error: the state beside is the state, and the fault is told."""
-    limits, (values, numbers, figures) = settings[0], memory
-    account, matter = other
-    room, y, predicted, take = sample
-    for k in range(x.shape[0]):
-        x[k] = beside[k]
-    for j in range(values.shape[0]):
-        predicted[j] = expects[j]
+    (limits, rules, _), (values, numbers, figures) = case.settings, case.memory
+    (account, matter), expects = case.told, case.expects
+    room, y, predicted, take = case.sample
+    fill(case.x, case.beside)
+    fill(predicted, expects)
     for k in range(size):
         j = room[k]
         values[j, at.WRONG] = values[j, at.NU]
@@ -253,19 +244,19 @@ def turn_back(
         values[j, at.NU_BEFORE] = np.nan
         values[j, at.DRIFT] = 0.0
     numbers[g, at.GOOD_AT] = matter[at.SINCE_AT]
-    end_contest(settings[1], memory, rows_of, notes, g, now)
+    end_contest(case, g, now)
     matter[at.OWNER] = 0
     rows = numbers[g, at.SAMPLES] - matter[at.TRUSTED]
     numbers[g, at.ERRORS] += rows
     if found == 1.0:
-        if rows < settings[1][g, at.VOTE] and matter[at.HOW] == CREPT:
+        if rows < rules[g, at.VOTE] and matter[at.HOW] == CREPT:
             return  # less than what it moves in a row or two: one that answered late
         span = (matter[at.SINCE], now[0] - 1, rows)
-        note(notes, memory, now, ERROR, g, AWAY, span)
+        note(case, now, ERROR, g, AWAY, span)
         return
     starts = matter[at.HOW] == STARTED
     if numbers[g, at.CAUSE] == FACTOR:
-        end_fault(memory, notes, g, now)
+        end_fault(case, g, now)
     figures[g, at.FACTOR] = found
     for k in range(size):
         j = room[k]
@@ -275,9 +266,9 @@ def turn_back(
             take[j] = predicted[j]
         else:
             values[j, at.DRIFT] = y[j] / found - expects[j] - account[j, at.BESIDE_OFF]
-        variance, counts, _ = statistics
+        variance, counts, _ = case.statistics
         if starts and account[j, at.BESIDE_NOISE] < np.inf:
             # What was learned meanwhile is the factor's noise.
             variance[:, j], counts[:, j] = 2.0 * account[j, at.BESIDE_NOISE], at.LEARN
-    fault(settings[1], memory, notes, g, FACTOR, matter[at.SINCE], now)
+    fault(case, g, FACTOR, matter[at.SINCE], now)
     numbers[g, at.FAULTS] += rows

@@ -21,6 +21,7 @@ from evertwin.sync.options import COLD, HOT
 from evertwin.sync.places import Cause
 from evertwin.sync.plausible_loop import breaks, in_scale, leapt, stands_out
 from evertwin.sync.run_loop import step_of
+from evertwin.sync.workspace import Case
 
 FACTOR = int(Cause.FACTOR)
 CLEAR = 4.0
@@ -89,12 +90,11 @@ def weigh_anew(limits: Any, values: Any, board: Any, room: Any, size: int, votes
 
 
 @njit(**COLD)
-def carriers(settings: Any, memory: Any, sample: Any, g: int, size: int, growth: float) -> bool:
+def carriers(case: Case, g: int, size: int, growth: float) -> bool:
     """Are outputs of the open fault known to be off by its factor? Those that a row tells clearly
     are remembered; beside them the others say nothing: a pose in mm has its heading in rad."""
-    limits, rules, _ = settings
-    values, numbers, figures = memory
-    room, y, f, found = sample[0], sample[1], figures[g, at.FACTOR], False
+    (limits, rules, _), (values, numbers, figures) = case.settings, case.memory
+    room, y, f, found = case.sample[0], case.sample[1], figures[g, at.FACTOR], False
     own = numbers[g, at.ONSET] + 1.0
     for k in range(size):
         j = room[k]
@@ -107,7 +107,7 @@ def carriers(settings: Any, memory: Any, sample: Any, g: int, size: int, growth:
 
 
 @njit(**COLD)
-def persists(settings: Any, memory: Any, sample: Any, g: int, size: int, growth: float) -> int:
+def persists(case: Case, g: int, size: int, growth: float) -> int:
     """Does the factor of the open fault still hold? 1: the row says so, 0: unknown, −1: it is over.
 
     The log-likelihood of the sound sensor against that of the factor is summed from the last row
@@ -117,10 +117,9 @@ def persists(settings: Any, memory: Any, sample: Any, g: int, size: int, growth:
     The step of a coarse sensor comes behind the factor, and measured/f is off by as much of it.
     Rows that neither explains speak against the factor, too.
     """
-    limits, rules, _ = settings
-    values, numbers, figures = memory
-    room, y, f, gain, held = sample[0], sample[1], figures[g, at.FACTOR], 0.0, True
-    own, known = numbers[g, at.ONSET] + 1.0, carriers(settings, memory, sample, g, size, growth)
+    (limits, rules, _), (values, numbers, figures) = case.settings, case.memory
+    room, y, f, gain, held = case.sample[0], case.sample[1], figures[g, at.FACTOR], 0.0, True
+    own, known = numbers[g, at.ONSET] + 1.0, carriers(case, g, size, growth)
     for k in range(size):
         j = room[k]
         if known and values[j, at.CARRIES] != own:
@@ -189,16 +188,18 @@ def farthest(board: Any, votes: int, j: int, f: float, angle: bool) -> float:
 
 
 @njit(**COLD)
-def likelier(
-    board: Any, votes: int, g: int, j: int, f: float, noise: float, room_for: float, angle: bool
-) -> bool:
+def likelier(case: Case, g: int, j: int, f: float, room_for: float) -> bool:
     """Are the contested values likelier f times sound ones than those of a machine that was moved?
 
-    Normal likelihoods with the sensor's ``noise`` (variance): measured/f − expected about a level,
+    Normal likelihoods with the sensor's noise: measured/f − expected about a level,
     whose noise f has multiplied, against measured − expected about a level or a line. A machine
     that was moved may land anywhere: that it lies as near to the factor's place is a coincidence,
     and that it moves otherwise than predicted from then on is another.
     """
+    (limits, rules, _), board = case.settings, case.board
+    votes, angle = int(rules[g, at.VOTE]), limits[j, at.ANGLE] > 0
+    # An innovation is the difference of two measurements; only one of them is multiplied.
+    noise = 0.5 * case.memory[0][j, at.BASE]
     factor = scatter(board, votes, g, j, f, angle)[0]
     level, line, rise = scatter(board, votes, g, j, 1.0, angle)
     far = abs(wrapped(board[0][votes - 1, j], angle))
@@ -210,17 +211,14 @@ def likelier(
 
 
 @njit(**COLD)
-def misfit(
-    settings: Any, memory: Any, board: Any, room: Any, g: int, size: int, growth: float, k: int,
-    f: float,
-) -> float:  # fmt: skip
+def misfit(case: Case, g: int, size: int, growth: float, k: int, f: float) -> float:
     """How far a factor, place ``k`` of all, leaves the outputs of the group from what was expected,
     in what is allowed; infinite where it does not explain every one that stands out of its gate.
 
     Of two near each other the unit of the quantity is meant, unless another is nearer by that.
     """
-    limits, rules, _ = settings
-    values, votes, found = memory[0], int(rules[g, at.VOTE]), False
+    (limits, rules, _), board, room = case.settings, case.board, case.sample[0]
+    values, votes, found = case.memory[0], int(rules[g, at.VOTE]), False
     turn, most = k == at.TURN, 0.0
     for i in range(size):
         j = room[i]
@@ -230,15 +228,14 @@ def misfit(
         sound = explained(board, votes, j, 1.0, room_for, angle)
         if sound and abs(f) > 1.0:
             continue
-        # An innovation is the difference of two measurements; only one of them is multiplied.
-        noise, offset = 0.5 * values[j, at.BASE], values[j, at.OFFSET]
+        offset = values[j, at.OFFSET]
         if (
             (turn or not angle)
             and limits[j, at.TRIED + k] != at.NEVER
             and leapt(limits, values, j, values[j, at.AWAY_FROM], values[j, at.AWAY_AT], f)
             and explained(board, votes, j, f, room_for, angle)
             and stands_out(limits, values, j, np.abs(board[0][:votes, j] + offset).max())
-            and likelier(board, votes, g, j, f, noise, room_for, angle)
+            and likelier(case, g, j, f, room_for)
         ):
             more = 0.0 if limits[j, at.TRIED + k] == at.OWN else 1.0
             most = max(most, farthest(board, votes, j, f, angle) / room_for + more)
@@ -249,27 +246,28 @@ def misfit(
 
 
 @njit(**COLD)
-def scaled(
-    settings: Any, memory: Any, counts: Any, board: Any, room: Any, g: int, size: int,
-    growth: float,
-) -> float:  # fmt: skip
+def scaled(case: Case, g: int, size: int, growth: float) -> float:
     """The factor that explains the contested samples better than a machine that was moved; else 0.
 
     Asked only where the noise is known from enough trusted samples: a factor shows in nothing else.
     And only where the model is in scale: of an untuned one it cannot be told which is wrong.
     """
-    limits, rules, pool = settings[0], settings[1], counts.shape[0] - 1
-    widened = memory[1][g, at.WIDENED]
-    if rules[g, at.VOTE] < 3 or 0 < widened > memory[1][g, at.SAMPLES] - at.AGAIN:
+    (limits, rules, _), counts, (values, numbers, _) = (
+        case.settings,
+        case.statistics[1],
+        case.memory,
+    )
+    widened, pool, room = numbers[g, at.WIDENED], counts.shape[0] - 1, case.sample[0]
+    if rules[g, at.VOTE] < 3 or 0 < widened > numbers[g, at.SAMPLES] - at.AGAIN:
         return 0.0
     for k in range(size):
         j = room[k]
-        if counts[pool, j] < at.KNOWN or not in_scale(limits, memory[0], j):
+        if counts[pool, j] < at.KNOWN or not in_scale(limits, values, j):
             return 0.0
     found, least = 0.0, np.inf
     for k in range(at.FACTORS.shape[0]):
         for f in (at.FACTORS[k], 1.0 / at.FACTORS[k]):
-            off = misfit(settings, memory, board, room, g, size, growth, k, f)
+            off = misfit(case, g, size, growth, k, f)
             if off < least:
                 found, least = float(f), off
     return found

@@ -36,6 +36,7 @@ from evertwin.sync.input_unit_loop import (
 from evertwin.sync.options import COLD, HOT
 from evertwin.sync.places import Finding, Outside
 from evertwin.sync.plausible_loop import grown, variance_of
+from evertwin.sync.workspace import Workspace
 
 LATE, LONG = 8, 100
 """Rows after which a doubt within that reach is told, and a factor that others come near."""
@@ -107,19 +108,17 @@ def usual_instead(inputs: Any, counts: Any, u: Any, i: int, other: Any) -> bool:
 
 
 @njit(**COLD)
-def is_factor_held(
-    settings: Any, memory: Any, statistics: Any, known: Any, u: Any, i: int, row: Any, tried: Any,
-    predicted: Any, failed: bool, other: Any,
-) -> bool:  # fmt: skip
+def is_factor_held(work: Workspace, i: int, row: Any, failed: bool) -> bool:
     """Do the outputs go on to follow an input divided by its factor, rather than as recorded? Of
     one that they do not, ``other`` is as recorded."""
-    found, (inputs, counts) = False, known
+    found, (inputs, counts), u = False, work.known, work.out.u
+    (other, _, tried, _), predicted = work.spare, work.case.sample[2]
     for k in range(inputs.shape[0]):
         if inputs[k, at.BY] == 0.0 or not 0 < counts[k, at.DOUBTED] < LONGEST:
             continue
-        now = largest_ratio(settings, memory, statistics, row, tried)
-        was = np.inf if failed else largest_ratio(settings, memory, statistics, row, predicted)
-        gate = settings[1][0, at.GATE]
+        now = largest_ratio(work, row, tried)
+        was = np.inf if failed else largest_ratio(work, row, predicted)
+        gate = work.case.settings[1][0, at.GATE]
         most = OVER if was <= 1.0 else CLEAR  # no outlier is just where the other was predicted
         gain = min(max(0.5 * gate * gate * (now - was), -CLEAR), most)
         large = inputs[k, at.BY] >= LARGE  # a small one brings commands to one before by chance
@@ -140,15 +139,15 @@ def is_factor_held(
 
 
 @njit(**COLD)
-def largest_ratio(settings: Any, memory: Any, statistics: Any, row: Any, predicted: Any) -> float:
+def largest_ratio(work: Workspace, row: Any, predicted: Any) -> float:
     """The largest test ratio of the row's samples against a prediction; 0: nothing can be told.
 
     Args:
         row: members of the groups, what was measured, its marks, row and stamp, phase.
     """
-    limits, rules, _ = settings
+    (limits, rules, _), statistics = work.case.settings, work.case.statistics
     members, measured, marked, now, phase, _ = row
-    values, numbers, figures = memory
+    values, numbers, figures = work.case.memory
     found = 0.0
     for g in range(members.shape[0]):
         growth = grown(rules, numbers, figures, g, now[1])
@@ -170,20 +169,16 @@ def largest_ratio(settings: Any, memory: Any, statistics: Any, row: Any, predict
 
 
 @njit(**COLD)
-def explains(
-    settings: Any, memory: Any, statistics: Any, row: Any, tried: Any, predicted: Any, failed: bool
-) -> bool:
+def explains(work: Workspace, row: Any, failed: bool) -> bool:
     """Are the samples off by far less from what was tried than from what was predicted?"""
-    was = np.inf if failed else largest_ratio(settings, memory, statistics, row, predicted)
-    return bool(
-        was > 1.0 and BETTER * was > largest_ratio(settings, memory, statistics, row, tried)
-    )
+    was = np.inf if failed else largest_ratio(work, row, work.case.sample[2])
+    return bool(was > 1.0 and BETTER * was > largest_ratio(work, row, work.case.expects))
 
 
 @njit(**COLD)
-def note_input(inputs: Any, counts: Any, notes: Any, k: int, kind: int, u: float, now: Any) -> None:
+def note_input(work: Workspace, k: int, kind: int, u: float, now: Any) -> None:
     """Notes that an input is doubted, or believed again."""
-    found, detail, extent = notes
+    (inputs, counts), (found, detail, extent) = work.known, work.case.notes
     n = extent[0]
     extent[0] = n + 1
     found[n, at.ROW], found[n, at.STAMP] = now
@@ -196,10 +191,9 @@ def note_input(inputs: Any, counts: Any, notes: Any, k: int, kind: int, u: float
 
 
 @njit(**COLD)
-def doubt(
-    inputs: Any, counts: Any, notes: Any, u: Any, doubts: Any, i: int, now: Any, other: Any
-) -> None:  # fmt: skip
-    """The outputs do not follow an input: it is taken as ``other`` says, and told."""
+def doubt(work: Workspace, i: int, now: Any) -> None:
+    """The outputs do not follow an input: it is taken as what stands in place, and told."""
+    (inputs, counts), u, other = work.known, work.out.u, work.spare[0]
     for k in range(u.shape[1]):
         if other[k] == u[i, k] and (inputs[k, at.BY] == 0.0 or counts[k, at.DOUBTED] == 0):
             continue  # zero divided by an open factor is zero
@@ -216,8 +210,9 @@ def doubt(
             sure = sure and (vaguely or (known and (lasts or ahead_by(inputs, k) >= CLEAR)))
         if sure and counts[k, at.SAID] != 1:
             counts[k, at.SAID] = VAGUELY if by and not known else 1
-            note_input(inputs, counts, notes, k, FOUND_INPUT, u[i, k], now)
-            notes[0][notes[2][0] - 1, at.WHY] = UNNAMED if by and not known else 0
+            note_input(work, k, FOUND_INPUT, u[i, k], now)
+            found, _, extent = work.case.notes
+            found[extent[0] - 1, at.WHY] = UNNAMED if by and not known else 0
         elif far and counts[k, at.SAID] == 0:
             counts[k, at.SAID] = LATER
         counts[k, at.DOUBTED] += 1
@@ -227,42 +222,39 @@ def doubt(
             counts[k, at.DOUBTED] = min(counts[k, at.DOUBTED], LONGEST - 1)
         if by and counts[k, at.SAID] == 1:
             inputs[k, at.BELIEVED] = other[k]
-        u[i, k], doubts[i, k] = other[k], ERROR
+        u[i, k], work.out.doubt[i, k] = other[k], ERROR
 
 
 @njit(**HOT)
-def refuse_impossible(
-    limits: Any, inputs: Any, counts: Any, notes: Any, u: Any, doubts: Any, i: int, now: Any,
-    keeps: bool,
-) -> None:  # fmt: skip
-    """Inputs beyond what is physically possible did not reach the machine: they stay as they were
-    (``keeps``, once one was believed), or are not known."""
+def refuse_impossible(work: Workspace, i: int, now: Any) -> None:
+    """Inputs beyond what is physically possible did not reach the machine: they stay as they
+    were, of a model with a state, once one was believed; else they are not known."""
+    (inputs, counts), u, limits = work.known, work.out.u, work.possible
+    keeps = work.case.x.shape[0] > 0
     for k in range(u.shape[1]):
         value = u[i, k]
         if limits[k, 0] <= value <= limits[k, 1] or not np.isfinite(value):
             continue
         if counts[k, at.DOUBTED] == 0:
             counts[k, at.DOUBT_ROW], counts[k, at.SAID] = now[0], 1
-            note_input(inputs, counts, notes, k, FOUND_INPUT, value, now)
-            found, detail, extent = notes
+            note_input(work, k, FOUND_INPUT, value, now)
+            found, detail, extent = work.case.notes
             n = extent[0] - 1
             found[n, at.WHY], detail[n, 1], detail[n, 2] = POSSIBLE, limits[k, 0], limits[k, 1]
         counts[k, at.DOUBTED] += 1
         counts[k, at.TO] = now[0]
         u[i, k] = inputs[k, at.BELIEVED] if keeps and counts[k, at.SEEN] > 0 else np.nan
-        doubts[i, k] = ERROR
+        work.out.doubt[i, k] = ERROR
 
 
 @njit(**COLD)
-def believe(
-    inputs: Any, counts: Any, notes: Any, u: Any, doubts: Any, i: int, now: Any, follows: bool,
-    moves: bool,
-) -> None:  # fmt: skip
+def believe(work: Workspace, i: int, now: Any, follows: bool, moves: bool) -> None:
     """The row's inputs that are believed: the end of a doubt, and what they widen if followed, and
     if no other unit is likelier."""
+    (inputs, counts), u = work.known, work.out.u
     for k in range(u.shape[1]):
         value = u[i, k]
-        if doubts[i, k] == ERROR or not np.isfinite(value):
+        if work.out.doubt[i, k] == ERROR or not np.isfinite(value):
             continue
         outside = is_beyond(inputs, counts, k, value, 0.0)
         likelier = counts[k, at.VALUES_OF] > 0 and ahead(inputs, k, True) > 0.0
@@ -275,10 +267,10 @@ def believe(
         if counts[k, at.DOUBTED] == 0:
             continue
         if counts[k, at.SAID] == LATER:
-            note_input(inputs, counts, notes, k, FOUND_INPUT, inputs[k, at.LATEST], now)
-            notes[0][notes[2][0] - 1, at.WHY] = UNNAMED
+            note_input(work, k, FOUND_INPUT, inputs[k, at.LATEST], now)
+            work.case.notes[0][work.case.notes[2][0] - 1, at.WHY] = UNNAMED
         if counts[k, at.SAID] > 0:
-            note_input(inputs, counts, notes, k, FOUND_SOUND, value, now)
+            note_input(work, k, FOUND_SOUND, value, now)
         told = counts[k, at.SAID] == 1 and inputs[k, at.BY] != 0.0
         counts[k, at.LEAPT] = likeliest(inputs, k, -1) if told else 0  # it may be so again
         counts[k, at.DOUBTED] = counts[k, at.SAID] = counts[k, at.VALUES_OF] = 0

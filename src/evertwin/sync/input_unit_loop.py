@@ -26,6 +26,7 @@ from evertwin.sync.horizon_loop import is_known, wrapped
 from evertwin.sync.options import COLD, HOT
 from evertwin.sync.plausible_loop import grown, variance_of
 from evertwin.sync.run_loop import step_of
+from evertwin.sync.workspace import Workspace, advance, fill
 
 REACH = 10.0
 """Widths of its range by which an input is outside it that no machine was meant to follow."""
@@ -95,14 +96,12 @@ def is_fresh(memory: Any, row: Any, g: int) -> bool:
 
 
 @njit(**COLD)
-def measured_before(
-    machine: Any, limits: Any, memory: Any, row: Any, start: Any, y: Any
-) -> None:  # fmt: skip
+def measured_before(work: Workspace, row: Any, start: Any, y: Any) -> None:
     """Fills ``start`` with the state that has adopted the samples of the row before, so that rows
     which were predicted wrongly do not count again."""
-    members, values = row[0], memory[0]
-    for k in range(start.shape[0]):
-        start[k] = machine[3][k]
+    members, memory, limits = row[0], work.case.memory, work.case.settings[0]
+    values = memory[0]
+    fill(start, work.case.x)
     for j in range(y.shape[0]):
         y[j] = np.nan
     for g in range(members.shape[0]):
@@ -111,20 +110,19 @@ def measured_before(
             j = members[g, c]
             if j >= 0 and fresh and limits[j, at.ADOPTS] > 0:
                 y[j] = values[j, at.LAST]
-    call(machine[1], machine[2], start.ctypes.data, y.ctypes.data)
+    call(work.observe, work.context, start.ctypes.data, y.ctypes.data)
 
 
 @njit(**COLD)
-def surprise(judging: Any, row: Any, predicted: Any, asked: bool) -> float:
+def surprise(work: Workspace, row: Any, predicted: Any, asked: bool) -> float:
     """How unlikely the row's samples are beside a prediction [−log], each by `CLEAR` at most; or,
     where that is not ``asked``, how many count.
 
     Args:
-        judging: settings, memory, statistics.
         row: members of the groups, what was measured, its marks, row and stamp, phase, time [ns]
             since the row before.
     """
-    settings, memory, statistics = judging
+    settings, memory, statistics = work.case.settings, work.case.memory, work.case.statistics
     members, measured, marked, now, phase, _ = row
     values, numbers, figures = memory
     found = 0.0
@@ -161,36 +159,24 @@ def is_asked(inputs: Any, counts: Any, k: int, u: float) -> bool:
 
 
 @njit(**COLD)
-def weigh_scale(
-    machine: Any, judging: Any, inputs: Any, u: Any, i: int, row: Any, spare: Any
-) -> None:
+def weigh_scale(work: Workspace, dt: float, i: int, row: Any) -> None:
     """One input of a usual row: would the samples be likelier if it did nothing, as where it
     does less than half of what the model says?"""
-    step, _, c, _, dt, p = machine
-    other, x, y, start = spare
+    (inputs, _), u, (other, x, y, start) = work.known, work.out.u, work.spare
     k = row[3][0] // SELDOM % u.shape[1]
     most = max(abs(inputs[k, at.LOWEST]), abs(inputs[k, at.HIGHEST]))
     if not abs(u[i, k]) > LIVELY * most:
         return
-    measured_before(machine, judging[0][0], judging[1], row, start, y)
+    measured_before(work, row, start, y)
     for m in range(u.shape[1]):
         other[m] = u[i, m]
     more = 0.0
     for share in (1.0, 0.0):
         other[k] = share * u[i, k]
-        code = call(
-            step,
-            c,
-            start.ctypes.data,
-            other.ctypes.data,
-            dt,
-            p,
-            x.ctypes.data,
-            y.ctypes.data,
-        )
+        code = advance(work, start, other.ctypes.data, dt, x, y)
         if code != 0 or not is_known(x):
             return
-        said = surprise(judging, row, y, True)
+        said = surprise(work, row, y, True)
         more += said if share == 1.0 else -said
     inputs[k, at.OVERDONE] = min(max(inputs[k, at.OVERDONE] + more, -DECIDED), DECIDED)
 
@@ -229,21 +215,12 @@ def foremost(inputs: Any, counts: Any, k: int, u: float) -> float:
 
 
 @njit(**COLD)
-def weigh_units(
-    machine: Any, judging: Any, known: Any, limits: Any, u: Any, i: int, row: Any, spare: Any
-) -> None:  # fmt: skip
+def weigh_units(work: Workspace, dt: float, i: int, row: Any) -> None:
     """Scores each hypothesis of the inputs in question by this row, the other inputs as they are
-    likeliest so far.
-
-    Args:
-        machine: addresses of its step, its observe and context, its state, duration of the row,
-            address of its parameters.
-        spare: inputs, state, outputs and another state that are filled.
-    """
-    step, _, c, _, dt, p = machine
-    inputs, counts = known
-    other, x, y, start = spare
-    measured_before(machine, judging[0][0], judging[1], row, start, y)
+    likeliest so far."""
+    (inputs, counts), u, limits = work.known, work.out.u, work.possible
+    other, x, y, start = work.spare
+    measured_before(work, row, start, y)
     many = 0
     for k in range(u.shape[1]):
         many += is_asked(inputs, counts, k, u[i, k])
@@ -254,7 +231,7 @@ def weigh_units(
             continue
         for m in range(u.shape[1]):
             other[m] = foremost(inputs, counts, m, u[i, m])
-        least, counted = np.inf, surprise(judging, row, y, False)
+        least, counted = np.inf, surprise(work, row, y, False)
         for h in range(most):
             score, tried = at.SCORES + h, read_as(inputs, k, u[i, k], h)
             possible = h < UNITS or (
@@ -264,18 +241,9 @@ def weigh_units(
             if h == UNKNOWN:
                 lost = VAGUE * counted
             elif possible:
-                code = call(
-                    step,
-                    c,
-                    start.ctypes.data,
-                    other.ctypes.data,
-                    dt,
-                    p,
-                    x.ctypes.data,
-                    y.ctypes.data,
-                )
+                code = advance(work, start, other.ctypes.data, dt, x, y)
                 if code == 0 and is_known(x):
-                    lost = surprise(judging, row, y, True)
+                    lost = surprise(work, row, y, True)
             inputs[k, score] += lost
             least = min(least, inputs[k, score])
         for h in range(most):  # what is behind by so much may come back

@@ -1,10 +1,7 @@
 """Compiled: innovations with the arbiter's own variance, and the tests of hard plausibility.
 
-The loops pass their arrays on in tuples: ``settings`` (limits, rules, sentinels), ``memory``
-(values, numbers, figures), ``statistics`` (variance, counts, warm), ``board`` (the vote's ring,
-paths, times, rows, expected), ``notes`` (found, detail, extent) and ``sample`` (room, y, predicted,
-take).
-``room[:size]`` are the outputs of group ``g`` that were measured at this row.
+``room[:size]`` are the outputs of group ``g`` that were measured at this row; for the tuples of
+arrays see `evertwin.sync.workspace`.
 """
 
 from __future__ import annotations
@@ -19,6 +16,7 @@ from evertwin.sync.horizon_loop import wrapped
 from evertwin.sync.options import COLD, HOT
 from evertwin.sync.places import Cause
 from evertwin.sync.run_loop import is_frozen, may_revive, step_of
+from evertwin.sync.workspace import Case
 
 NONE, RANGE, RATE = int(Cause.NONE), int(Cause.RANGE), int(Cause.RATE)
 FROZEN, SENTINEL, FACTOR = int(Cause.FROZEN), int(Cause.SENTINEL), int(Cause.FACTOR)
@@ -98,18 +96,15 @@ def credible(limits: Any, rules: Any, values: Any, g: int, j: int, steps: float)
 
 
 @njit(**HOT)
-def measure(
-    settings: Any, memory: Any, statistics: Any, sample: Any, g: int, size: int, stamp: int,
-    phase: int,
-) -> float:  # fmt: skip
+def measure(case: Case, g: int, size: int, stamp: int, phase: int) -> float:
     """Innovations and variances of a sample; gives the largest test ratio.
 
     ratio = innovation² / (gate²·S + credible²): S is the regular variance, grown since the last
     trusted sample; what is credible, see `credible`.
     """
-    limits, rules, _ = settings
-    values, numbers, figures = memory
-    room, y, predicted, _ = sample
+    (limits, rules, _), statistics = case.settings, case.statistics
+    values, numbers, figures = case.memory
+    room, y, predicted, _ = case.sample
     worst = 0.0
     growth = grown(rules, numbers, figures, g, stamp)
     gate = rules[g, at.GATE] * rules[g, at.GATE]
@@ -134,11 +129,10 @@ def measure(
 
 
 @njit(**HOT)
-def implausible(settings: Any, memory: Any, sample: Any, g: int, size: int, stamp: int) -> int:
+def implausible(case: Case, g: int, size: int, stamp: int) -> int:
     """Range, rate, and a frozen value: the first cause that holds, or none."""
-    limits, rules, _ = settings
-    values, numbers, _ = memory
-    room, y = sample[0], sample[1]
+    (limits, rules, _), (values, numbers, _) = case.settings, case.memory
+    room, y = case.sample[0], case.sample[1]
     for k in range(size):
         j = room[k]
         if y[j] < limits[j, at.LOW] or y[j] > limits[j, at.HIGH]:
@@ -154,7 +148,7 @@ def implausible(settings: Any, memory: Any, sample: Any, g: int, size: int, stam
         fast = abs(wrapped(y[j] - values[j, at.GOOD], angle)) > rate * since
         if fast and abs(wrapped(y[j] - values[j, at.LAST], angle)) > rate * before:
             return RATE
-    return FROZEN if is_frozen(rules, memory, room, g, size) else NONE
+    return FROZEN if is_frozen(rules, case.memory, room, g, size) else NONE
 
 
 @njit(**HOT)

@@ -21,6 +21,7 @@ from evertwin.sync import places as at
 from evertwin.sync.horizon_loop import wrapped
 from evertwin.sync.options import COLD, HOT
 from evertwin.sync.places import Cause
+from evertwin.sync.workspace import Case
 
 FROZEN, FACTOR = int(Cause.FROZEN), int(Cause.FACTOR)
 EQUAL, NEAR = 0, 1
@@ -86,11 +87,10 @@ def needed(rules: Any, g: int, kind: int) -> float:
 
 
 @njit(**HOT)
-def place_in_run(
-    limits: Any, rules: Any, values: Any, numbers: Any, sample: Any, g: int, size: int, kind: int
-) -> int:
+def place_in_run(case: Case, g: int, size: int, kind: int) -> int:
     """1: the sample has the value of the run; 2: the other one of two in turn; 0: neither."""
-    room, y = sample[0], sample[1]
+    (limits, rules, _), (values, numbers, _) = case.settings, case.memory
+    room, y = case.sample[0], case.sample[1]
     if numbers[g, at.RUN + kind] == 0:
         return 0
     if kind == NEAR:
@@ -117,14 +117,13 @@ def place_in_run(
 
 
 @njit(**COLD)
-def standstill(settings: Any, memory: Any, sample: Any, g: int, size: int, kind: int) -> bool:
+def standstill(case: Case, g: int, size: int, kind: int) -> bool:
     """A run ends: did the machine stand still, against the model's prediction?
 
     Then the new value continues from the old one; after a sensor's fault it lies at the prediction.
     """
-    limits, rules, _ = settings
-    values = memory[0]
-    room, y = sample[0], sample[1]
+    (limits, rules, _), values = case.settings, case.memory[0]
+    room, y = case.sample[0], case.sample[1]
     for k in range(size):
         j = room[k]
         gone = values[j, at.GONE + kind]
@@ -189,16 +188,15 @@ def patience(values: Any, j: int, kind: int) -> float:
 
 
 @njit(**HOT)
-def learn_sound(
-    rules: Any, values: Any, numbers: Any, sample: Any, g: int, size: int, kind: int
-) -> None:
+def learn_sound(case: Case, g: int, size: int, kind: int) -> None:
     """A run ends, so its sensor responds: how far, and how long ahead of it, the prediction goes.
 
     Once may have been a fault, which counts as little beyond what was usual; of the way the second
     counts. A late answer tells of no way. Nor does a machine that stood for longer than any answer
     was late: it tells how fast one is predicted to move that stands.
     """
-    room, stood = sample[0], numbers[g, at.STOOD + kind] > 0
+    rules, (values, numbers, _) = case.settings[1], case.memory
+    room, stood = case.sample[0], numbers[g, at.STOOD + kind] > 0
     for k in range(size if numbers[g, at.RUN + kind] > 1 else 0):
         j = room[k]
         went, overdue = values[j, at.WENT + kind], values[j, at.OVERDUE + kind]
@@ -221,11 +219,12 @@ def learn_sound(
 
 
 @njit(**HOT)
-def go_on(rules: Any, values: Any, numbers: Any, room: Any, g: int, size: int, kind: int) -> None:
+def go_on(case: Case, g: int, size: int, kind: int) -> None:
     """One more sample of a run: how far the prediction went, and is an answer due?
 
     What no state adopts has no lag in its model: half the way counts, and how late it answers.
     """
+    rules, (values, numbers, _), room = case.settings[1], case.memory, case.sample[0]
     for k in range(size):
         j = room[k]
         way = abs(values[j, at.BEYOND + kind])
@@ -236,38 +235,35 @@ def go_on(rules: Any, values: Any, numbers: Any, room: Any, g: int, size: int, k
 
 
 @njit(**HOT)
-def follow(
-    settings: Any, memory: Any, sample: Any, g: int, size: int, now: Any, outside: bool
-) -> None:
+def follow(case: Case, g: int, size: int, now: Any, outside: bool) -> None:
     """Keeps the runs: the sample continues, leaves for a moment, or ends each.
 
     The same value twice away from a run is the next run, unless the sensor is known to be frozen.
     """
-    limits, rules, _ = settings
-    values, numbers, _ = memory
-    room, y, again = sample[0], sample[1], True
+    (limits, rules, _), (values, numbers, _) = case.settings, case.memory
+    room, y, again = case.sample[0], case.sample[1], True
     for k in range(size):
         again = again and y[room[k]] == values[room[k], at.LAST]
     if numbers[g, at.SAMPLES] > 0:
-        learn_step(limits, values, sample, size)
+        learn_step(limits, values, case.sample, size)
     for kind in range(2):
-        place = place_in_run(limits, rules, values, numbers, sample, g, size, kind)
+        place = place_in_run(case, g, size, kind)
         if place > 0:
             numbers[g, at.RUN + kind] += 1
             numbers[g, at.AWAY + kind] = 0
             numbers[g, at.TURNS] += place - 1
-            go_on(rules, values, numbers, room, g, size, kind)
+            go_on(case, g, size, kind)
             continue
         if numbers[g, at.AWAY + kind] == 0:
             long = 0 < needed(rules, g, kind) <= numbers[g, at.RUN + kind]
-            stood = long and standstill(settings, memory, sample, g, size, kind)
+            stood = long and standstill(case, g, size, kind)
             numbers[g, at.STOOD + kind] = stood
         lasting = numbers[g, at.CAUSE] == FROZEN or (numbers[g, at.RUN + kind] > 1 and not again)
         if outside and lasting and numbers[g, at.AWAY + kind] + 1 < rules[g, at.FROZEN]:
             numbers[g, at.AWAY + kind] += 1
-            go_on(rules, values, numbers, room, g, size, kind)
+            go_on(case, g, size, kind)
             continue
-        learn_sound(rules, values, numbers, sample, g, size, kind)
+        learn_sound(case, g, size, kind)
         ended = numbers[g, at.RUN + kind]
         numbers[g, at.FREE] *= numbers[g, at.FREE] != kind + 1
         numbers[g, at.RUN + kind], numbers[g, at.AWAY + kind] = 1, 0
@@ -374,11 +370,10 @@ def is_frozen(rules: Any, memory: Any, room: Any, g: int, size: int) -> bool:
 
 
 @njit(**COLD)
-def withdraw(settings: Any, memory: Any, sample: Any, g: int, size: int) -> None:
+def withdraw(case: Case, g: int, size: int) -> None:
     """The sensor turned out to be frozen: the values of the run lose their effect on the state."""
-    limits, rules, _ = settings
-    values, numbers, _ = memory
-    room, take, kind = sample[0], sample[3], numbers[g, at.HELD_BY]
+    (limits, rules, _), (values, numbers, _) = case.settings, case.memory
+    room, take, kind = case.sample[0], case.sample[3], numbers[g, at.HELD_BY]
     for k in range(size):
         j = room[k]
         gone = values[j, at.GONE + kind]

@@ -25,16 +25,14 @@ learning a correction can use them afterwards. Tuning never sees them.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
 
 import numpy as np
 
-from evertwin.fold import Block, Event, Out, Record
+from evertwin.fold import Block, Event, Out
 from evertwin.models import Kernel, Model, kernel_of, remembers
-from evertwin.models.failures import Failed, failures_in
+from evertwin.models.failures import failures_in
 from evertwin.models.kernel import looped
 from evertwin.signals import Channel, Layout
 from evertwin.signals.mistaken import numbers
@@ -43,128 +41,20 @@ from evertwin.sync import places as at
 from evertwin.sync.arbiter import Arbiter, Rule, describe, members
 from evertwin.sync.horizon import contiguous
 from evertwin.sync.horizon_loop import NEVER
-from evertwin.sync.track_loop import ASKED, FAILED, FIRST_FAILED, run
-from evertwin.types import (
-    Bools,
-    Float64,
-    Inputs,
-    Int64,
-    Outputs,
-    ParameterVector,
-    StateVector,
-    UInt8,
+from evertwin.sync.track_loop import run
+from evertwin.sync.track_state import (
+    FAILED,
+    FAILING,
+    FIRST_FAILED,
+    UNKNOWN,
+    Notes,
+    TrackRows,
+    TrackSettings,
+    TrackState,
 )
+from evertwin.types import Bools, ParameterVector
 
 __all__ = ["Arbiter", "Rule", "Track", "TrackRows", "TrackState"]
-
-FAILING, UNKNOWN = "model_failed", "the model's step raised something"
-"""Kind of event, and what is said where nobody knows what."""
-NOTES = 256
-"""Findings per group that one pass may note before they are read."""
-
-
-class TrackState(NamedTuple):
-    """State of `Track`.
-
-    >>> TrackState._fields[:3]
-    ('x', 'p', 'x0')
-    """
-
-    x: StateVector
-    p: ParameterVector
-    x0: StateVector
-    """State that a new start begins with."""
-    values: Float64[np.ndarray, "ny 60"]
-    """Memory per output, see `evertwin.sync.places`."""
-    numbers: Int64[np.ndarray, "ng 33"]
-    """Memory per group: flags, stamps, the open fault and contest, counters."""
-    figures: Float64[np.ndarray, "ng 5"]
-    """Memory per group: growth, interval, share of contested samples, suspected factor."""
-    variance: Float64[np.ndarray, "phases ny"]
-    """Variance of the innovation per phase, and over all of them in the last row."""
-    counts: Int64[np.ndarray, "phases ny"]
-    """Innovations in them."""
-    warm: Float64[np.ndarray, "learn ny"]
-    """The first innovations."""
-    ring: Float64[np.ndarray, "vote ny"]
-    """Innovations of the contested samples."""
-    paths: Float64[np.ndarray, "vote ny"]
-    times: Int64[np.ndarray, "vote ng"]
-    rows: Int64[np.ndarray, "vote ng"]
-    expected: Float64[np.ndarray, "vote ny"]
-    """What was expected of the contested samples."""
-    ranges: Float64[np.ndarray, "nu ranges"]
-    """Range of each input's believed values, the last of them, its suspected factor."""
-    beliefs: Int64[np.ndarray, "nu beliefs"]
-    """How many they are; the open doubt."""
-    clock: Int64[np.ndarray, " five"]
-    """Task of the last row, has a row come? Rows that the model was asked for, those of them at
-    which its step raised something, the first of these."""
-    beside: StateVector
-    """State as it would be without what was believed last, see `evertwin.sync.beside_loop`."""
-    account: Float64[np.ndarray, "ny 14"]
-    matter: Int64[np.ndarray, " six"]
-    free: Float64[np.ndarray, "ng nx"]
-    """State that runs free of each group, see `evertwin.sync.free_loop`."""
-
-    def failed(self, events: Iterable[Record]) -> Failed | None:
-        """The rows that the model could not compute, with the reason that the stage told of the
-        first among its ``events``; None: there are none."""
-        asked, rows, first = self.clock[ASKED:].tolist()
-        why = [e.reason for e in events if isinstance(e, Event) and e.kind == FAILING]
-        return Failed(rows, asked, first, [*why, UNKNOWN][0]) if rows else None
-
-    @property
-    def updates(self) -> Int64[np.ndarray, " ng"]:
-        """Tolerance updates per group."""
-        return self.numbers[:, at.UPDATES]
-
-    @property
-    def divides(self) -> bool:
-        """Is an input taken divided by a factor that was told of?"""
-        told = (self.ranges[:, at.BY] != 0.0) & (self.beliefs[:, at.SAID] == 1)
-        return bool((told & (self.beliefs[:, at.DOUBTED] > 0)).any())
-
-    @property
-    def resets(self) -> Int64[np.ndarray, " ng"]:
-        """Overrulings per group."""
-        return self.numbers[:, at.RESETS]
-
-    @property
-    def valid(self) -> Bools:
-        """Has the group had a trusted sample within the time-out?"""
-        fresh: Bools = self.numbers[:, at.VALID] == 1
-        return fresh
-
-
-class TrackRows(NamedTuple):
-    """One row out per row in.
-
-    >>> TrackRows._fields
-    ('y', 'residual', 'mark', 'update', 'sigma', 'age', 'u', 'doubt')
-    """
-
-    y: Outputs
-    """Predicted outputs, before anything of this row is adopted, (n, ny); NaN at a new start."""
-    residual: Outputs
-    """Measured − predicted of trusted samples, angles wrapped, (n, ny); else NaN."""
-    mark: UInt8[np.ndarray, "n ny"]
-    """`Mark` of each output after judging."""
-    update: UInt8[np.ndarray, "n ng"]
-    """Per group: 0 nothing adopted, 1 tolerance update, 2 blend, 3 overruled, 4 first sample."""
-    sigma: Outputs
-    """Standard deviation that the arbiter expects of measured − predicted, (n, ny); inf while it is
-    not known."""
-    age: Float64[np.ndarray, "n ng"]
-    """Seconds since the group's last trusted sample; NaN before the first."""
-    u: Inputs
-    """Believed inputs, (n, nu)."""
-    doubt: UInt8[np.ndarray, "n nu"]
-    """`Mark` of each input after judging."""
-
-    def judged(self, block: Block) -> Block:
-        """The rows that were judged, with believed inputs and the marks of all channels."""
-        return block._replace(u=self.u, mark=np.concatenate([self.doubt, self.mark], axis=1))
 
 
 @dataclass(frozen=True)
@@ -208,11 +98,11 @@ class Track:
         return found
 
     @cached_property
-    def _settings(self) -> tuple[Any, ...]:
+    def _settings(self) -> TrackSettings:
         inputs, outputs, phases = self.model.inputs, self.model.outputs, self.arbiter.phases
         column = inputs.index(phases.channel) if phases else -1
         edges = np.array(phases.edges if phases else (), dtype=np.float64)
-        return (
+        return TrackSettings(
             np.hstack([
                 self.arbiter.limits(outputs, self.adopts), self._moves, _moved_by(inputs, outputs),
                 _tried(outputs),
@@ -230,7 +120,7 @@ class Track:
         nu = len(self.model.inputs)
         phases = self.arbiter.phases
         kinds = len(phases.edges) + 2 if phases else 1
-        vote = int(self._settings[1][:, at.VOTE].max()) if ng else 2
+        vote = int(self._settings.rules[:, at.VOTE].max()) if ng else 2
         sigma = self.arbiter.sigmas(outputs)
         variance, counts = np.zeros((kinds, ny)), np.zeros((kinds, ny), dtype=np.int64)
         # An innovation is the difference of two measurements.
@@ -283,23 +173,18 @@ class Track:
             np.zeros((n, ng), dtype=np.uint8), np.empty((n, ny)), np.empty((n, ng)),
             np.array(block.u, order="C"), np.array(block.mark[:, :nu], order="C"),
         )  # fmt: skip
-        room = min(8 * n, NOTES) * ng + 8 * ng + 2 * nu + 1
-        found, detail = np.empty((room, 8), dtype=np.int64), np.empty((room, 3 + 2 * ny))
-        kernel, extent, start = self._kernel, np.zeros(1, dtype=np.int64), 0
+        notes, whole = Notes.room(n, ng, nu, ny), contiguous(block)
+        kernel, start = self._kernel, 0
         kept = tuple(failures_in(kernel))
         for one in kept:
             one.forget()
         records: list[Event] = []
-        columns = contiguous(block)[1:]
         while start < n:
-            start = looped(
-                run, kernel, block.row, start, *columns, *self._settings, *state, *rows, found,
-                detail, extent,
-            )  # fmt: skip
-            if extent[0]:
-                notes = zip(found[: extent[0]], detail[: extent[0]], strict=True)
-                records += [describe(self.model, note, more) for note, more in notes]
-                extent[0] = 0
+            start = looped(run, kernel, start, whole, self._settings, state, rows, notes)
+            told = int(notes.extent[0])
+            for note, more in zip(notes.found[:told], notes.detail[:told], strict=True):
+                records.append(describe(self.model, note, more))
+            notes.extent[0] = 0
         if kernel.remote is not None:
             row, time = block.row + n - 1, int(block.t[-1])
             records += [Event(row, time, FAILING, "", text) for text in kernel.remote.news()]

@@ -14,6 +14,7 @@ from evertwin.sync import places as at
 from evertwin.sync.horizon_loop import wrapped
 from evertwin.sync.options import COLD
 from evertwin.sync.places import Cause, Finding
+from evertwin.sync.workspace import Case
 
 ERROR, OVERRULED, RESTORED = int(Finding.ERROR), int(Finding.OVERRULED), int(Finding.RESTORED)
 VOTE = int(Cause.VOTE)
@@ -23,10 +24,9 @@ every ten-thousandth sample is, beyond six none."""
 
 
 @njit(**COLD)
-def note(notes: Any, memory: Any, now: Any, kind: int, g: int, cause: int, span: Any) -> None:
+def note(case: Case, now: Any, kind: int, g: int, cause: int, span: Any) -> None:
     """Notes a finding at ``now`` (row, stamp) about ``span`` (first, last row, samples)."""
-    found, detail, extent = notes
-    values, _, figures = memory
+    (found, detail, extent), (values, _, figures) = case.notes, case.memory
     k = extent[0]
     extent[0] = k + 1
     found[k, at.ROW], found[k, at.STAMP] = now
@@ -40,13 +40,11 @@ def note(notes: Any, memory: Any, now: Any, kind: int, g: int, cause: int, span:
 
 
 @njit(**COLD)
-def remember(
-    rules: Any, memory: Any, board: Any, room: Any, g: int, size: int, row: int, stamp: int
-) -> None:
+def remember(case: Case, g: int, size: int, now: Any) -> None:
     """A contested sample takes part in the vote; the oldest leaves it."""
-    values, numbers, _ = memory
-    ring, paths, times, rows, expected = board
-    last = int(rules[g, at.VOTE]) - 1
+    (values, numbers, _), room, (row, stamp) = case.memory, case.sample[0], now
+    ring, paths, times, rows, expected = case.board
+    last = int(case.settings[1][g, at.VOTE]) - 1
     numbers[g, at.LEFT] = rows[0, g]
     for i in range(last):
         times[i, g], rows[i, g] = times[i + 1, g], rows[i + 1, g]
@@ -67,14 +65,14 @@ def remember(
 
 
 @njit(**COLD)
-def agrees(settings: Any, values: Any, board: Any, room: Any, g: int, size: int) -> bool:
+def agrees(case: Case, g: int, size: int) -> bool:
     """Do the last k contested samples lie on one line beside the prediction?
 
     A machine that was moved is off by a constant; one that moves otherwise than predicted, by a
     line. The scatter about it must stay within the gate, and its slope must be credible.
     """
-    limits, rules, _ = settings
-    ring, paths, times, _, _ = board
+    (limits, rules, _), values, room = case.settings, case.memory[0], case.sample[0]
+    ring, paths, times, _, _ = case.board
     votes = int(rules[g, at.VOTE])
     newest = times[votes - 1, g]
     span = (newest - times[0, g]) * 1e-9
@@ -116,13 +114,14 @@ def nearest(y: float, expected: float, angle: bool, tried: Any) -> float:
 
 
 @njit(**COLD)
-def sides(limits: Any, values: Any, board: Any, rules: Any, room: Any, g: int, size: int) -> bool:
+def sides(case: Case, g: int, size: int) -> bool:
     """A sample inside the gate, which has grown meanwhile: is it one of those that are contested?
 
     Judged by the output that stands out most: nearer to the last contested sample, or to a factor
     of what was expected, than to the prediction.
     """
-    ring, last, most, found = board[0], int(rules[g, at.VOTE]) - 1, 0.0, False
+    (limits, rules, _), values, room = case.settings, case.memory[0], case.sample[0]
+    ring, last, most, found = case.board[0], int(rules[g, at.VOTE]) - 1, 0.0, False
     for k in range(size):
         j = room[k]
         nu = values[j, at.NU]
@@ -138,13 +137,11 @@ def sides(limits: Any, values: Any, board: Any, rules: Any, room: Any, g: int, s
 
 
 @njit(**COLD)
-def widen(
-    rules: Any, memory: Any, statistics: Any, room: Any, g: int, size: int, phase: int
-) -> bool:
+def widen(case: Case, g: int, size: int, phase: int) -> bool:
     """Too many samples outside: the noise has risen, the gate is set anew (never switched off)."""
-    variance, counts, _ = statistics
-    values, numbers, figures = memory
-    share = 1.0 / (4.0 * rules[g, at.VOTE])
+    (variance, counts, _), room = case.statistics, case.sample[0]
+    values, numbers, figures = case.memory
+    share = 1.0 / (4.0 * case.settings[1][g, at.VOTE])
     figures[g, at.OUTSIDE] += (1.0 - figures[g, at.OUTSIDE]) * share
     if figures[g, at.OUTSIDE] <= 0.3:
         return False
@@ -170,41 +167,41 @@ def is_loud(rules: Any, memory: Any, g: int) -> bool:
 
 
 @njit(**COLD)
-def end_contest(rules: Any, memory: Any, rows: Any, notes: Any, g: int, now: Any) -> None:
+def end_contest(case: Case, g: int, now: Any) -> None:
     """The contest is over without agreement: its samples were measurement errors."""
-    numbers = memory[1]
-    if numbers[g, at.BATCH] > 0 and is_loud(rules, memory, g):
-        newest = rows[int(rules[g, at.VOTE]) - 1, g]
+    numbers, rules = case.memory[1], case.settings[1]
+    if numbers[g, at.BATCH] > 0 and is_loud(rules, case.memory, g):
+        newest = case.board[3][int(rules[g, at.VOTE]) - 1, g]
         span = (numbers[g, at.BATCH_ROW], newest, numbers[g, at.BATCH])
-        note(notes, memory, now, ERROR, g, VOTE, span)
+        note(case, now, ERROR, g, VOTE, span)
     numbers[g, at.CONTEST] = numbers[g, at.BATCH] = 0
 
 
 @njit(**COLD)
-def fault(rules: Any, memory: Any, notes: Any, g: int, cause: int, onset: int, now: Any) -> None:
+def fault(case: Case, g: int, cause: int, onset: int, now: Any) -> None:
     """One more sample with an obvious error; told once, at its end or when it lasts."""
-    numbers = memory[1]
+    numbers = case.memory[1]
     if numbers[g, at.CAUSE] != cause:
-        end_fault(memory, notes, g, now)
+        end_fault(case, g, now)
         numbers[g, at.CAUSE], numbers[g, at.ONSET] = cause, onset
         numbers[g, at.FAULTS] = numbers[g, at.TOLD] = 0
-        memory[2][g, at.SOUND_BY] = 0.0
+        case.memory[2][g, at.SOUND_BY] = 0.0
     numbers[g, at.FAULTS] += 1
     numbers[g, at.ERRORS] += 1
     numbers[g, at.UNTIL] = now[0]
-    if numbers[g, at.TOLD] == 0 and numbers[g, at.FAULTS] >= rules[g, at.VOTE]:
+    if numbers[g, at.TOLD] == 0 and numbers[g, at.FAULTS] >= case.settings[1][g, at.VOTE]:
         numbers[g, at.TOLD] = 1
         span = (numbers[g, at.ONSET], now[0], numbers[g, at.FAULTS])
-        note(notes, memory, now, ERROR, g, cause, span)
+        note(case, now, ERROR, g, cause, span)
 
 
 @njit(**COLD)
-def end_fault(memory: Any, notes: Any, g: int, now: Any) -> None:
+def end_fault(case: Case, g: int, now: Any) -> None:
     """The fault is over."""
-    numbers = memory[1]
+    numbers = case.memory[1]
     if numbers[g, at.CAUSE] == 0:
         return
     span = (numbers[g, at.ONSET], numbers[g, at.UNTIL], numbers[g, at.FAULTS])
     kind = RESTORED if numbers[g, at.TOLD] else ERROR
-    note(notes, memory, now, kind, g, numbers[g, at.CAUSE], span)
+    note(case, now, kind, g, numbers[g, at.CAUSE], span)
     numbers[g, at.CAUSE] = numbers[g, at.FAULTS] = numbers[g, at.TOLD] = 0

@@ -15,6 +15,7 @@ says about places or sizes is never used.
 
 from __future__ import annotations
 
+import importlib
 import math
 import mmap
 import os
@@ -70,7 +71,9 @@ class Shared:
         if isinstance(value, np.ndarray):
             return self._put_array(value)
         if isinstance(value, list | tuple):
-            return [self._put(item) for item in value]
+            items, kind = [self._put(item) for item in value], type(value)
+            named = hasattr(value, "_fields")
+            return {"n": [kind.__module__, kind.__name__, items]} if named else items
         return value.item() if isinstance(value, np.generic) else value
 
     def _put_array(self, value: np.ndarray) -> dict[str, Any]:
@@ -109,5 +112,8 @@ def placed(view: Any, where: Any) -> Any:
         return tuple(placed(view, item) for item in where)
     if not isinstance(where, dict):
         return where
+    if "n" in where:
+        module, name, items = where["n"]
+        return getattr(importlib.import_module(module), name)(*placed(view, items))
     at, dtype, shape = where["a"]
     return np.frombuffer(view, np.dtype(dtype), math.prod(shape), at).reshape(shape)
