@@ -65,7 +65,7 @@ POINTS = (
     ("evertwin.store.checkpoints", "Checkpoints.write"),
     ("evertwin.store.checkpoints", "Checkpoints.restore"),
 )
-LONGEST = 4.0
+LONGEST = 2.0
 """Seconds that a service runs at most before it is killed."""
 ANEW = 10
 """Every so manieth life begins with a new process."""

@@ -57,8 +57,10 @@ WIDE = """async () => {
   const sizes = [-1.234e-4, -1.234e-7, -98765.4, 3.21e12, 0.5];
   const rows = values.map(([name, unit]) =>
     sizes.map((size) => [name, ...Array(3).fill(parted(quantity(size, unit)))]));
-  const pane = h("div", { class: "card newest" }, table("Newest row", ["", "measured", "predicted", "off by"], rows.flat()));
-  const columns = h("div", { class: "columns" }, h("div", { class: "card" }, "chart"), h("div", {}, pane));
+  const headings = ["", "measured", "predicted", "off by"];
+  const pane = h("div", { class: "card newest" }, table("Newest row", headings, rows.flat()));
+  const chart = h("div", { class: "card" }, "chart");
+  const columns = h("div", { class: "columns" }, chart, h("div", {}, pane));
   document.querySelector("#main").append(columns);
   const { scrollWidth, clientWidth } = pane.querySelector(".scroll");
   columns.remove();

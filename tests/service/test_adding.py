@@ -17,7 +17,16 @@ from pydantic import ValidationError
 
 from evertwin.config import read
 from evertwin.errors import UsageError
-from evertwin.service.adding import Column, Machine, _sampled, _site, added, first_twin, kinds, roles
+from evertwin.service.adding import (
+    Column,
+    Machine,
+    _sampled,
+    _site,
+    added,
+    first_twin,
+    kinds,
+    roles,
+)
 from evertwin.service.api_look import Look, _look
 from evertwin.service.site import SITE
 from evertwin.setup.configured_model import model_of
@@ -91,8 +100,9 @@ def test_words_that_are_swapped_a_factor_and_a_number_that_means_nothing() -> No
     assert 2 <= len(speeds) < len(v) and set(speeds.round(9)) == {20.0}
     assert np.polyfit(t, v[:, 1], 1)[0] == pytest.approx(24.0, rel=0.1)
     assert 'word_order = "little"' in _site(asked) and "sentinels = [-32768" in _site(asked)
+    unknown = machine(1, columns=[Column(place="q", name="x", unit="m")])
     with pytest.raises(UsageError, match="expected as in 8, 8:float32 swapped"):
-        Machine(**machine(1).model_dump() | {"columns": [Column(place="q", name="x", unit="m")]}).table
+        assert unknown.table
 
 
 def test_a_unit_behind_a_modbus_address_is_asked_by_its_number() -> None:

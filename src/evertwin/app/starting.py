@@ -70,9 +70,12 @@ class Said(NamedTuple):
     """Names that the sources of recordings have in a site file."""
 
 
+NOTHING = Said()
+
+
 def write_starter(
     files: Sequence[Path], out: Path | None, model: tuple[str, Path | None], force: bool,
-    as_json: bool, said: Said = Said(),
+    as_json: bool, said: Said = NOTHING,
 ) -> None:  # fmt: skip
     """Writes the twin file, and for ``python`` a model file beside it.
 

@@ -5,11 +5,13 @@ that drops out now and then) is said once and then counted: the log is read by p
 
 >>> said = Sayings()
 >>> drops = {"kind": "unknown", "signal": "room", "reason": "room has no value here"}
->>> [said.line(drops, now) for now in (0.0, 5.0, 9.0, 700.0)]
-['unknown: room has no value here', None, None, 'unknown: room has no value here (3 times since the line before)']
+>>> for now in (0.0, 5.0, 9.0, 700.0):
+...     said.line(drops, now)
+'unknown: room has no value here'
+'unknown: room has no value here (3 times since the line before)'
 >>> said.line({"kind": "not_identifiable", "signal": "mass", "reason": "± 80 % of its size"}, 1.0)
 'not_identifiable: mass: ± 80 % of its size'
-"""  # noqa: E501
+"""
 
 from __future__ import annotations
 

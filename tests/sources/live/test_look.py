@@ -70,7 +70,8 @@ def test_a_device_that_falls_silent_shows_what_it_said() -> None:
     """Some let a question for what they do not have unanswered."""
 
     def silent(asked: bytes) -> bytes:
-        return sparse(asked) if asked[7] == 3 and struct.unpack(">H", asked[8:10])[0] < 4006 else b""
+        first = struct.unpack(">H", asked[8:10])[0]
+        return sparse(asked) if asked[7] == 3 and first < 4006 else b""
 
     with server(silent) as port:
         table = {"source": "log", "protocol": "modbus", "port": port, "timeout": 0.3}
