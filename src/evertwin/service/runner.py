@@ -106,7 +106,7 @@ class Runner:
         """When it is tried again, because its store could not be written; None: not by itself."""
         self._told = ""
         """The reason that the log has."""
-        self._sayings = Sayings()
+        self._sayings = Sayings(plan.name)
         self.warm = warm
         """Makes its machine code before it runs, or waits for it."""
         self.began = time.monotonic()
@@ -317,9 +317,7 @@ class Runner:
             self._out("rows", said.rows)
         self._remember(said.events)
         for _, event in said.events:
-            about = {"twin": self.name, "event": event["kind"], "row": event["row"]}
-            if line := self._sayings.line(event, time.monotonic()):
-                LOG.info("%s: %s", self.name, line, extra=about)
+            self._sayings.log(event)
         if said.events and self.publishers:
             self._out("events", {"events": [event for _, event in said.events]})
         self._tell()

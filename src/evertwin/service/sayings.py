@@ -3,7 +3,7 @@
 A line names the signal that it is about, and what is said over and over in the same words (a value
 that drops out now and then) is said once and then counted: the log is read by people.
 
->>> said = Sayings()
+>>> said = Sayings("oven")
 >>> drops = {"kind": "unknown", "signal": "room", "reason": "room has no value here"}
 >>> for now in (0.0, 5.0, 9.0, 700.0):
 ...     said.line(drops, now)
@@ -15,10 +15,13 @@ that drops out now and then) is said once and then counted: the log is read by p
 
 from __future__ import annotations
 
+import logging
 import re
+import time
 from collections.abc import Mapping
 from typing import Any
 
+LOG = logging.getLogger("evertwin.service")
 QUIET = 600.0
 """Seconds in which the same is not said again."""
 MOST = 200
@@ -28,8 +31,15 @@ MOST = 200
 class Sayings:
     """Of one twin. See the module for an example."""
 
-    def __init__(self) -> None:
+    def __init__(self, twin: str) -> None:
+        self.twin = twin
         self._said: dict[tuple[str, str, str], tuple[float, int]] = {}
+
+    def log(self, event: Mapping[str, Any]) -> None:
+        """Writes the line, if there is one."""
+        if line := self.line(event, time.monotonic()):
+            about = {"twin": self.twin, "event": event["kind"], "row": event["row"]}
+            LOG.info("%s: %s", self.twin, line, extra=about)
 
     def line(self, event: Mapping[str, Any], now: float) -> str | None:
         """The line; None: it stands there already.

@@ -86,7 +86,7 @@ async def _registers(settings: ModbusSettings) -> list[str]:
 async def _surveyed(wire: Wire, settings: ModbusSettings) -> list[str]:
     """What stands where nobody has said anything: registers that hold something, and up to where
     they are answered."""
-    out = []
+    out = list[str]()
     tables: tuple[Literal["holding", "input"], ...] = ("holding", "input")
     for table in tables:
         held, answered, why = list[str](), 0, ""
@@ -138,7 +138,9 @@ def _lines(
     block: Block, raw: bytes, settings: ModbusSettings, *, empty: bool = True
 ) -> Iterator[str]:
     """One register a line; a column of the map with its value, as the twin would take it."""
-    mapped = {(r.table, r.address): (name, r) for name, r in settings.registers.items()}
+    mapped: dict[tuple[str, int], tuple[str, Register | None]] = {
+        (r.table, r.address): (name, r) for name, r in settings.registers.items()
+    }
     bits = block.table in ("coil", "discrete")
     for k in range(block.length):
         if not (empty or any(raw[2 * k : 2 * k + 2])):
