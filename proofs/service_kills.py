@@ -1,4 +1,4 @@
-"""What `kill -9` costs a service: `python -m proofs.service_kills [KILLS] [SEED] [SPEED] [MINUTES]`.
+"""What `kill -9` costs: `python -m proofs.service_kills [KILLS] [SEED] [SPEED] [MINUTES]`.
 
 The embedded arm (Modbus) and the embedded robot (MQTT, QoS 1, through mosquitto) go on sending in
 time-lapse while the service that follows them is killed again and again: before and after named
