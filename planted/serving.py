@@ -15,6 +15,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from evertwin.service.runner import CLOSES
+
 TWINS = Path(__file__).parent.parent / "twins"
 ENTRY = """
 [[twin]]
@@ -124,9 +126,19 @@ class Served:
         self.process.stdout.close()  # type: ignore[union-attr]
 
     def end(self) -> int:
-        """As systemd does; the exit code."""
+        """As systemd does; the exit code. A twin that works at a fit may take as long as the
+        service gives it (`evertwin.service.runner.CLOSES`).
+
+        Raises:
+            TimeoutError: it does not end; it is killed, and the end of its log is shown.
+        """
         self.process.send_signal(signal.SIGTERM)
-        code = self.process.wait(60)
+        try:
+            code = self.process.wait(2 * CLOSES)
+        except subprocess.TimeoutExpired:
+            self.kill()
+            last = (self.file.parent / "log.jsonl").read_text().splitlines()[-5:]
+            raise TimeoutError("\n".join(["the service does not end:", *last])) from None
         self.process.stdout.close()  # type: ignore[union-attr]
         return code
 

@@ -1,9 +1,10 @@
-"""What `kill -9` costs a running service: `python -m proofs.service_kills [KILLS] [SEED] [SPEED]`.
+"""What `kill -9` costs: `python -m proofs.service_kills [KILLS] [SEED] [SPEED] [MINUTES]`.
 
 The embedded arm (Modbus) and the embedded robot (MQTT, QoS 1, through mosquitto) go on sending in
 time-lapse while the service that follows them is killed again and again: before and after named
 points of its code, and at random times while it starts and runs. Most lives are forked from a
-process that has imported what it needs, every tenth begins anew as `python -m evertwin`. In the end
+process that has imported what it needs, every tenth begins anew as `python -m evertwin`. After so
+many MINUTES it is judged by the kills that there were. In the end
 
     MQTT       each sample that the robot sent is in the store, once
     Modbus     no sample is there twice; what was said while nobody listened is stated
@@ -65,7 +66,7 @@ POINTS = (
     ("evertwin.store.checkpoints", "Checkpoints.write"),
     ("evertwin.store.checkpoints", "Checkpoints.restore"),
 )
-LONGEST = 4.0
+LONGEST = 2.0
 """Seconds that a service runs at most before it is killed."""
 ANEW = 10
 """Every so manieth life begins with a new process."""
@@ -140,10 +141,13 @@ def anew(site: Path, seconds: float) -> Life:
     return Life("anew", time.time(), ready)
 
 
-def lives(site: Path, kills: int, rng: np.random.Generator) -> Iterator[Life]:
+def lives(site: Path, kills: int, minutes: float, rng: np.random.Generator) -> Iterator[Life]:
     """One after the other: each point in turn, before and after it."""
+    ends = time.monotonic() + 60.0 * minutes
     named = [f"{when} {name}" for _, name in POINTS for when in ("before", "after")]
     for number, how in zip(range(kills), itertools.cycle(named)):
+        if time.monotonic() > ends:
+            return
         if number % ANEW == ANEW - 1:
             yield anew(site, rng.uniform(0.0, LONGEST))
         elif number % 3 == 2:
@@ -212,7 +216,9 @@ def found(name: str, folder: Path, store: Path) -> tuple[dict[str, bool], str]:
     return demands, told + f"{doubled} twice, {wrong} champions beside another"
 
 
-def main(kills: int = 100, seed: int = 1, speed: float = 10.0) -> int:
+def main(
+    kills: int = 100, seed: int = 1, speed: float = 10.0, minutes: float = float("inf")
+) -> int:  # fmt: skip
     """Exit code 0 where nothing is lost, repeated or changed."""
     rng = np.random.default_rng(seed)
     with tempfile.TemporaryDirectory() as name, ExitStack() as running:
@@ -230,7 +236,7 @@ def main(kills: int = 100, seed: int = 1, speed: float = 10.0) -> int:
         machines = [LiveMachine("arm", arm), LiveMachine("robot", robot)]
         for one in machines:
             running.enter_context(one).reached()
-        lived = list(lives(site, kills, rng))
+        lived = list(lives(site, kills, minutes, rng))
         machines[1].__exit__()
         with Served(site) as served:  # what the broker keeps comes
             token = (site.parent / "demo-store" / "token").read_text().strip()

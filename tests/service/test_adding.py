@@ -17,7 +17,16 @@ from pydantic import ValidationError
 
 from evertwin.config import read
 from evertwin.errors import UsageError
-from evertwin.service.adding import Column, Machine, added, first_twin, kinds, roles
+from evertwin.service.adding import (
+    Column,
+    Machine,
+    _sampled,
+    _site,
+    added,
+    first_twin,
+    kinds,
+    roles,
+)
 from evertwin.service.api_look import Look, _look
 from evertwin.service.site import SITE
 from evertwin.setup.configured_model import model_of
@@ -68,6 +77,32 @@ def test_registers_become_a_twin_that_says_how_far_it_is_off(tmp_path: Path) -> 
     (entry,) = SITE.parse('schema = 1\nname = "hall"\n' + found["site"]).twin
     assert read_settings(asked.table).registers["x"].address == 2  # type: ignore[attr-defined]
     assert entry.file.endswith("cart.toml")
+
+
+def test_words_that_are_swapped_a_factor_and_a_number_that_means_nothing() -> None:
+    def odd(asked: bytes) -> bytes:
+        """20 cm/s in tenths, now and then without a value; a place with its words swapped."""
+        t = time.monotonic() - BEGAN
+        first, count = struct.unpack(">HH", asked[8:12])
+        there = struct.pack(">f", 24.0 * t)
+        speed = 200 if int(3 * t) % 2 else -32768
+        memory = struct.pack(">h", speed) + there[2:] + there[:2]
+        content = memory.ljust(200, b"\0")[2 * first : 2 * (first + count)]
+        head = struct.pack(">HBBB", 3 + len(content), asked[6], asked[7], len(content))
+        return asked[:4] + head + content
+
+    columns = [Column(place="0:int16 *0.1 !-32768", name="v", unit="cm/s"),
+               Column(place="1:float32 swapped", name="x", unit="cm")]  # fmt: skip
+    with server(odd) as port:
+        asked = machine(port, columns=columns)
+        t, v = asyncio.run(_sampled(asked))
+    speeds = v[:, 0][np.isfinite(v[:, 0])]
+    assert 2 <= len(speeds) < len(v) and set(speeds.round(9)) == {20.0}
+    assert np.polyfit(t, v[:, 1], 1)[0] == pytest.approx(24.0, rel=0.1)
+    assert 'word_order = "little"' in _site(asked) and "sentinels = [-32768" in _site(asked)
+    unknown = machine(1, columns=[Column(place="q", name="x", unit="m")])
+    with pytest.raises(UsageError, match="expected as in 8, 8:float32 swapped"):
+        assert unknown.table
 
 
 def test_a_unit_behind_a_modbus_address_is_asked_by_its_number() -> None:

@@ -180,7 +180,10 @@ def info(
 
 @app.command()
 def init(
-    files: Annotated[list[Path], typer.Argument(help="Recordings.", metavar="FILE...")],
+    files: Annotated[
+        list[Path],
+        typer.Argument(help="Recordings; or a site file: its machine is read.", metavar="FILE..."),
+    ],
     out: Annotated[
         Path | None, typer.Option("-o", "--out", help="Twin file to write; else FILE.toml, here.")
     ] = None,
@@ -196,6 +199,9 @@ def init(
             "several. What is proposed rests on it, unlike on an answer in the file."
         ),
     ] = None,
+    seconds: Annotated[
+        float, typer.Option(help="For which the machine of a site file is read: let it move.")
+    ] = 30.0,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
@@ -203,9 +209,14 @@ def init(
 
     Example: evertwin init run.csv --model robot1d -o robot.toml
     """
-    from evertwin.app.starting import write_starter
+    from evertwin.app.looking import is_site
+    from evertwin.app.starting import Said, write_for_site, write_starter
 
-    write_starter(files, out, (model, urdf), force, as_json, (namespace, answer or ()))
+    said = Said(namespace, answer or ())
+    if len(files) == 1 and is_site(files[0]):
+        write_for_site(files[0], seconds, (out, force), (model, urdf), as_json, said)
+    else:
+        write_starter(files, out, (model, urdf), force, as_json, said)
 
 
 @app.command()
@@ -319,7 +330,7 @@ def _spread(words: list[str]) -> list[str]:
     out: list[str] = []
     option = ""
     for word in words:
-        if word in ("--data", "--train", "--test", "--fleet", "--failed"):
+        if word in ("--data", "--train", "--test", "--fleet", "--failed", "--answer"):
             option = word
             continue
         if word.startswith("-") and len(word) > 1:

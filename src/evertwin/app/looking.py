@@ -59,7 +59,12 @@ def look_at(path: Path, as_json: bool) -> None:
 async def _look(site: Site) -> tuple[dict[str, list[str]], dict[str, list[str]]]:
     """What each source says, and what is wrong with its map."""
     out: dict[str, list[str]] = {}
-    wrong = {plan.name: plan.wrong.splitlines() for plan in site.twins if plan.wrong}
+    wrong = {
+        plan.name: plan.wrong.splitlines() if plan.file.exists() else [
+            f"{plan.file.name} is not there yet: once the columns of its sources are named in "
+            f"{site.file.name}, 'evertwin init {site.file.name}' reads the machine and proposes it"
+        ] for plan in site.twins if plan.wrong
+    }  # fmt: skip
     maps = _maps(site)
     for name, seen in _looks(site).items():
         try:

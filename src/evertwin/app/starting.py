@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 
 import typer
 
 from evertwin.app.console import Progress, show
+from evertwin.app.hearing import heard, unknown
 from evertwin.config import read
 from evertwin.errors import UsageError
 from evertwin.files import write_whole
@@ -54,9 +55,27 @@ from evertwin.starter.proposal import ASK
 LOOKED = "the recordings are looked at"
 
 
+class Said(NamedTuple):
+    """What a person says of recordings. Without anything: nothing.
+
+    >>> Said().answers
+    ()
+    """
+
+    namespace: str = ""
+    """Of the topics of one machine."""
+    answers: Sequence[str] = ()
+    """As NAME.WHAT=ANSWER."""
+    sources: Mapping[Path, str] = MappingProxyType({})
+    """Names that the sources of recordings have in a site file."""
+
+
+NOTHING = Said()
+
+
 def write_starter(
     files: Sequence[Path], out: Path | None, model: tuple[str, Path | None], force: bool,
-    as_json: bool, said: tuple[str, Sequence[str]] = ("", ()),
+    as_json: bool, said: Said = NOTHING,
 ) -> None:  # fmt: skip
     """Writes the twin file, and for ``python`` a model file beside it.
 
@@ -66,7 +85,7 @@ def write_starter(
 
     Args:
         model: kind, and the description of an arm.
-        said: namespace of the topics of one machine, and answers, as NAME.WHAT=ANSWER.
+        said: what a person says of them.
 
     Raises:
         UsageError: there is a file already, the model does not exist, or an answer is to nothing.
@@ -76,17 +95,19 @@ def write_starter(
     kind = kind or ("arm" if urdf is not None else "")  # what else is described so?
     model = kind, urdf
     with Progress(LOOKED):
-        wear = wear_in(files[0]) if kind in ("", "python") and len(files) == 1 else None
+        lone = kind in ("", "python") and len(files) == 1 and not said.sources
+        wear = wear_in(files[0]) if lone else None
     if wear is not None and wear.alone:
         _name_life(files[0], wear, as_json)
         return
-    answers = answers_of(said[1])
+    answers = answers_of(said.answers)
     with Progress(LOOKED):
         seen, told = look(files)
         seen = with_rates(seen, answers)
+        seen = tuple(replace(one, source=said.sources.get(one.files[0], "")) for one in seen)
     out = Path(f"{files[0].stem}.toml") if out is None else out
     with Progress(LOOKED):
-        seen, others = _one_machine(seen, out, model, said[0])
+        seen, others = _one_machine(seen, out, model, said.namespace)
         kind = kind or kind_of(seen)
         axes = by_axis(seen) if kind in ("drive", "drive_force") else (("", seen),)
     outs = [out.with_stem(f"{out.stem}_{word}") if word else out for word, _ in axes]
@@ -226,3 +247,27 @@ def _odd_units(draft: Draft) -> Iterator[str]:
                 f"{seen.files[0].name}: column {match.column!r}: the unit {problem}: {draft.out} "
                 f"takes its numbers as '{match.unit}'"
             )
+
+
+def write_for_site(
+    site: Path, seconds: float, out: tuple[Path | None, bool], model: tuple[str, Path | None],
+    as_json: bool, said: Said,
+) -> None:  # fmt: skip
+    """The same for a machine that speaks: it is read, and the twin file is that of the site file.
+
+    Args:
+        site: site file; its first twin without a twin file is asked.
+        seconds: for which the machine is read.
+        out: twin file, None: as the site file says; and whether it may be there already.
+        model: kind, and the description of an arm.
+        said: what a person says of it.
+
+    Raises:
+        UsageError: each twin has its file, or the machine says nothing.
+    """
+    plan = unknown(site, out[1])
+    found, notes = heard(plan, seconds)
+    with_names = said._replace(sources=found)
+    write_starter(tuple(found), out[0] or plan.file, model, out[1], as_json, with_names)
+    for note in (*notes, f"as its machine speaks: evertwin doctor {site}, evertwin serve {site}"):
+        typer.echo(f"evertwin: {note}", err=True)

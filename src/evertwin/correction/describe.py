@@ -43,4 +43,8 @@ def _ends(part: Part) -> str:
         for item, value, low, high in zip(items, part.values, part.low, part.high, strict=False)
         if value != item.value and min(value - low, high - value) <= NEAR * (high - low) < math.inf
     ]
-    return f", {' and '.join(ends)} where the search ended: it may lie beyond" if ends else ""
+    if not ends:
+        return ""
+    if all(name.isdigit() for name in ends):  # levels of a table, which only have numbers
+        return f", {len(ends)} of them where the search ended: what is true may lie beyond"
+    return f", {' and '.join(ends)} where the search ended: it may lie beyond"

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+import re
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -64,8 +65,8 @@ class Column(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
     place: Line
-    """Modbus: address, and type where it is not uint16, as in ``8:float32`` or ``input 8:int16``;
-    MQTT: path in the message; OPC UA: node id."""
+    """Modbus: ``8``, ``8:float32 swapped`` (words), ``input 8:int16 *0.1 !-32768`` (factor, and the
+    number that means no value); MQTT: path in the message; OPC UA: node id."""
     name: Name
     unit: Annotated[str, Field(min_length=1, max_length=30)]
 
@@ -126,17 +127,34 @@ class Machine(BaseModel):
         return told | {key: places}
 
 
+_PLACE = re.compile(
+    r"(?:(?P<table>holding|input|coil|discrete) )?(?P<address>\d+)(?::(?P<type>\w+))?"
+    r"(?P<swapped> swapped)?(?: \*(?P<scale>[-+.\deE]+))?(?: !(?P<sentinel>[-+.\deE]+))?"
+)
+
+
 def _register(place: str) -> dict[str, Any]:
     """A register as people write it.
 
-    >>> _register("8:float32"), _register("input 3")
-    ({'address': 8, 'type': 'float32'}, {'table': 'input', 'address': 3})
+    >>> _register("8:float32 swapped"), _register("input 3 *0.1 !65535")
+    ({'address': 8, 'type': 'float32', 'word_order': 'little'},
+     {'table': 'input', 'address': 3, 'scale': 0.1, 'sentinels': [65535.0]})
     """
-    table, _, rest = place.rpartition(" ")
-    address, _, kind = rest.partition(":")
-    told: dict[str, Any] = {"table": table} if table else {}
-    told |= {"address": int(address) if address.isdigit() else address}
-    return told | ({"type": kind} if kind else {})
+    found = _PLACE.fullmatch(place)
+    if found is None:
+        raise UsageError(
+            f"place {place!r}: expected as in 8, 8:float32 swapped, input 3:int16 *0.1 !-32768: "
+            "table, address:type, words swapped, *factor, !number that means 'no value'"
+        )
+    told: dict[str, Any] = {"table": found["table"]} if found["table"] else {}
+    told |= {"address": int(found["address"])}
+    told |= {"type": found["type"]} if found["type"] else {}
+    told |= {"word_order": "little"} if found["swapped"] else {}
+    try:
+        told |= {"scale": float(found["scale"])} if found["scale"] else {}
+        return told | ({"sentinels": [float(found["sentinel"])]} if found["sentinel"] else {})
+    except ValueError as error:
+        raise UsageError(f"place {place!r}: {error}") from None
 
 
 @cache

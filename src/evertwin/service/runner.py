@@ -35,6 +35,7 @@ from evertwin.service.lives import tell_lives
 from evertwin.service.plan import Plan
 from evertwin.service.questions import answer
 from evertwin.service.queued import PATIENCE, at_rest, together
+from evertwin.service.sayings import Sayings
 from evertwin.service.silence import Silence, timeouts_of
 from evertwin.service.status import LONG, status_of
 from evertwin.service.tellers import tellers
@@ -105,6 +106,7 @@ class Runner:
         """When it is tried again, because its store could not be written; None: not by itself."""
         self._told = ""
         """The reason that the log has."""
+        self._sayings = Sayings(plan.name)
         self.warm = warm
         """Makes its machine code before it runs, or waits for it."""
         self.began = time.monotonic()
@@ -315,8 +317,7 @@ class Runner:
             self._out("rows", said.rows)
         self._remember(said.events)
         for _, event in said.events:
-            about = {"twin": self.name, "event": event["kind"], "row": event["row"]}
-            LOG.info("%s: %s: %s", self.name, event["kind"], event["reason"], extra=about)
+            self._sayings.log(event)
         if said.events and self.publishers:
             self._out("events", {"events": [event for _, event in said.events]})
         self._tell()

@@ -70,6 +70,7 @@ class Draft:
         """The tables that a channel is taken from; the first where none is."""
         used = sorted({match.source for match in self.proposal.matches}) or [0]
         names = _distinct([short(self.seen[s].about) for s in used]) if len(used) > 1 else ["log"]
+        names = [self.seen[s].source or name for s, name in zip(used, names, strict=True)]
         here = self.out.resolve().parent
         return tuple(
             Source(

@@ -62,6 +62,8 @@ class Seen:
     """What its name says of its columns, which those of the others do not say of theirs."""
     every: float | None = None
     """Seconds from row to row, where a person says it of rows without stamps."""
+    source: str = ""
+    """Name of its source, where a site file has one."""
 
     @property
     def columns(self) -> tuple[ColumnInfo, ...]:

@@ -24,6 +24,7 @@ from evertwin.models.terms.contract import (
     Intervals,
     Prior,
     rising,
+    told,
 )
 from evertwin.models.terms.kernel import cell, placed
 from evertwin.models.terms.priors import LENGTHS, NOISES, modes, reached
@@ -56,6 +57,8 @@ class Table(GridTerm):
 
     >>> KIND.say(Term("table", "v", levels=(0.0, 0.1)), (0.0, 0.07), "m/s", {})
     'v: table of 2 levels, changes by up to 0.03 m/s'
+    >>> KIND.say(Term("table", "u", levels=(0.0, 0.1)), (0.0, 0.07), "1", {})
+    'u: table of 2 levels, changes by up to 0.03'
     """
 
     kind, variants = "table", ("", "linear")
@@ -96,7 +99,8 @@ class Table(GridTerm):
 
     def say(self, term: Term, values: Sequence[float], unit: str, intervals: Intervals) -> str:
         worst = max(abs(v - level) for v, level in zip(values, term.levels, strict=True))
-        return f"{term.channel}: table of {len(values)} levels, changes by up to {worst:.3g} {unit}"
+        most = told("", worst, "" if unit == "1" else unit, {}, ".3g")
+        return f"{term.channel}: table of {len(values)} levels, changes by up to {most}"
 
 
 KIND = Table()

@@ -93,7 +93,7 @@ export function trust(about, promoted) {
   if (about.refused?.length) return ["Not now", "weak", `the sensor of ${about.refused.join(", ")} is not believed: nothing is checked there`];
   const rows = Math.max(0, ...Object.values(about.figures ?? {}).map((f) => f.rows));
   const off = condition === "out_of_specification" || about.judged === "off";
-  const trial = about.trial ? " A better version is on trial." : "";
+  const trial = about.trial ? ` ${about.trial.gain > 0 ? "A better" : "Another"} version is on trial.` : "";
   const over = off ? `It is off ${about.champion ? "again" : "now"}: ${about.why || UNJUDGED.off.toLowerCase().replace(/\.$/, "")}.${trial} ` : "";
   const unsure = weak.length ? ` Weakly known: ${weak.join(", ")}.` : "";
   if (!promoted) return about.champion
@@ -121,7 +121,7 @@ export function pinnedLive(events, champion) {
 }
 
 /** What a trial has gained, in words. */
-export const less = (gain) => (gain > 0 ? `${number(100 * gain)} % less so far` : `no less so far (${number(-100 * gain)} % more)`);
+export const less = (gain) => (gain > 0 ? `${number(100 * gain)} % less so far` : gain < 0 ? `worse so far (${number(-100 * gain)} % more deviation)` : "no less so far");
 
 /** The card. `about`: of GET /twins/NAME; `events`: those that are known. */
 export function verdict(about, events) {

@@ -44,6 +44,9 @@ export function quantity(value, unit, size = value) {
   return `${number((value - (unit?.from ?? 0)) / factor)}${name && !name.startsWith("°") ? "\u00a0" : ""}${name}`;
 }
 
+/** The same where there is little room: the unit may stand below its number. */
+export const parted = (text) => text.replace("\u00a0", " ");
+
 /** How long ago. */
 export function age(seconds) {
   if (seconds === null || seconds === undefined) return "never";

@@ -8,10 +8,14 @@ session of a twin is not touched.
 
 from __future__ import annotations
 
+import asyncio
 import json
+import math
+from collections.abc import Iterator
 from contextlib import suppress
-from typing import Any
+from typing import Any, Literal
 
+from evertwin.errors import reason_of
 from evertwin.sources.foreign import load
 from evertwin.sources.live.contract import Around, LiveSettings
 from evertwin.sources.live.line import LineDown
@@ -27,10 +31,17 @@ from evertwin.sources.live.opcua_spec import OpcuaSettings
 from evertwin.sources.live.ros_spec import RosSettings
 from evertwin.sources.spec import SourceSpec
 
-WIDE = 40
-"""Registers that are looked at where there is no map."""
+WIDE = 100
+"""Registers that are read at once where there is no map."""
+FIRST = 1000
+"""Registers that are looked at there, and at the places where makers' maps begin."""
+SHOWN = 120
+"""Of them, lines that are shown at most."""
+BASES = (2000, 3000, 4000, 5000, 6000, 8000, 10_000, 20_000, 30_000, 40_000, 50_000)
 NODES = 300
 DEEP = 6
+BROWSED = 60.0
+"""Seconds that a tree may take."""
 _LIKELY: tuple[tuple[Kind, Order], ...] = (
     ("int16", "big"), ("int32", "big"), ("int32", "little"), ("float32", "big"),
     ("float32", "little"), ("float64", "big"),
@@ -55,26 +66,93 @@ async def look(settings: LiveSettings, around: Around) -> list[str]:
 
 
 async def _registers(settings: ModbusSettings) -> list[str]:
-    blocks = blocks_of(settings.registers.values()) if settings.registers else []
-    blocks = blocks or [Block("holding", 0, WIDE), Block("input", 0, WIDE)]
-    mapped = {f"{r.table} {r.address}": name for name, r in settings.registers.items()}
     wire, out = Wire(settings.timeout), [_heading()]
     try:
         await wire.connect(settings.host, settings.port)
-        for block in blocks:
+        if not settings.registers:
+            return out + await _surveyed(wire, settings)
+        for block in blocks_of(settings.registers.values()):
             try:
                 raw = await wire.read(settings.device, *block)
             except Refused as error:
                 out.append(f"{block.table:8} {block.address:5} and on: {error}")
                 continue
-            bits = block.table in ("coil", "discrete")
-            for k in range(block.length):
-                name = mapped.get(f"{block.table} {block.address + k}", "")
-                shown = str(raw[k // 8] >> k % 8 & 1) if bits else _readings(raw[2 * k : 2 * k + 8])
-                out.append(f"{block.table:8} {block.address + k:5}  {shown}  {name}".rstrip())
+            out += _lines(block, raw, settings)
     finally:
         wire.close()
     return out
+
+
+async def _surveyed(wire: Wire, settings: ModbusSettings) -> list[str]:
+    """What stands where nobody has said anything: registers that hold something, and up to where
+    they are answered."""
+    out = list[str]()
+    tables: tuple[Literal["holding", "input"], ...] = ("holding", "input")
+    for table in tables:
+        held, answered, why = list[str](), 0, ""
+        for address in (*range(0, FIRST, WIDE), *BASES):
+            try:
+                length, raw = await _reached(wire, settings.device, table, address)
+            except Refused as error:
+                why = why or f"{table:8} {address:5} and on: {error}"
+                continue
+            except (LineDown, OSError, TimeoutError) as error:
+                if not (answered or out):  # nobody is there
+                    raise
+                held.append(f"{table:8} {address:5} and on: not asked: {reason_of(error)}")
+                await wire.connect(settings.host, settings.port)
+                break
+            answered += length
+            held += _lines(Block(table, address, length), raw, settings, empty=False)
+        rest = f"{table:8} {answered} registers answer of the {FIRST + WIDE * len(BASES)} that "
+        rest += "were asked (0 to 999, and from round thousands on); those of 0 are not shown"
+        more = f"{table:8} … and {len(held) - SHOWN} more: name registers to see them"
+        out += [*held[:SHOWN], *[more] * (len(held) > SHOWN), *[rest if answered else why] * (
+            bool(answered or why)
+        )]  # fmt: skip
+    return out
+
+
+async def _reached(wire: Wire, device: int, table: str, address: int) -> tuple[int, bytes]:
+    """As many registers from an address on as are answered: a device refuses all of a block for one
+    that it does not have.
+
+    Raises:
+        Refused: not even the first is.
+    """
+    low, high = 1, WIDE
+    try:
+        return high, await wire.read(device, table, address, high)
+    except Refused:
+        raw = await wire.read(device, table, address, low)
+    while high - low > 1:
+        middle = (low + high) // 2
+        try:
+            low, raw = middle, await wire.read(device, table, address, middle)
+        except Refused:
+            high = middle
+    return low, raw
+
+
+def _lines(
+    block: Block, raw: bytes, settings: ModbusSettings, *, empty: bool = True
+) -> Iterator[str]:
+    """One register a line; a column of the map with its value, as the twin would take it."""
+    mapped: dict[tuple[str, int], tuple[str, Register | None]] = {
+        (r.table, r.address): (name, r) for name, r in settings.registers.items()
+    }
+    bits = block.table in ("coil", "discrete")
+    for k in range(block.length):
+        if not (empty or any(raw[2 * k : 2 * k + 2])):
+            continue
+        name, register = mapped.get((block.table, block.address + k), ("", None))
+        shown = str(raw[k // 8] >> k % 8 & 1) if bits else _readings(raw[2 * k : 2 * k + 8])
+        if register is not None and not bits:
+            own = raw[2 * k : 2 * (k + register.words)]
+            value = number_of(register, own, settings.word_order, settings.byte_order)
+            unit = f" {register.unit}" if register.unit else ""
+            name += f" = {f'{value:.6g}{unit}' if math.isfinite(value) else 'none: a sentinel'}"
+        yield f"{block.table:8} {block.address + k:5}  {shown}  {name}".rstrip()
 
 
 def _heading() -> str:
@@ -129,6 +207,11 @@ def _leaves(tree: Any, path: str) -> list[tuple[str, Any]]:
 
 
 async def _tree(settings: OpcuaSettings, around: Around) -> list[str]:
+    async with asyncio.timeout(BROWSED):
+        return await _browsed(settings, around)
+
+
+async def _browsed(settings: OpcuaSettings, around: Around) -> list[str]:
     asyncua = load("asyncua", "live")
     source = Opcua(settings, SourceSpec("look", {}), around)
     client = asyncua.Client(settings.url, timeout=settings.timeout)
@@ -142,7 +225,9 @@ async def _tree(settings: OpcuaSettings, around: Around) -> list[str]:
         raise LineDown(str(error)) from None
     finally:
         with suppress(OSError, TimeoutError, asyncua.ua.UaError):
-            await client.disconnect()
+            async with asyncio.timeout(settings.timeout):  # it has none of its own
+                await client.disconnect()
+        client.disconnect_socket()
 
 
 async def _branch(node: Any, spaces: list[str], depth: int, out: list[str]) -> None:

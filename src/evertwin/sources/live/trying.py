@@ -48,7 +48,7 @@ async def misfits(
     if not _mapped(settings):
         return []
     try:
-        source = open_live(_beside(settings), spec, around)
+        source = open_live(beside(settings), spec, around)
         source.open()
     except UsageError as error:
         return [str(error)]
@@ -91,8 +91,12 @@ def _mapped(settings: LiveSettings) -> bool:
     return isinstance(settings, MqttSettings) and bool(settings.topic or settings.columns)
 
 
-def _beside(settings: LiveSettings) -> LiveSettings:
-    """The same under a name of its own: the session of a twin at work is not touched."""
+def beside(settings: LiveSettings) -> LiveSettings:
+    """The same under a name of its own: the session of a twin at work is not touched.
+
+    >>> beside(MqttSettings("log", "mqtt", client="plant")).client.startswith("evertwin-try-")
+    True
+    """
     if not isinstance(settings, MqttSettings):
         return settings
     return dataclasses.replace(

@@ -5,7 +5,7 @@ import { number, quantity } from "../words.js";
 import { ask } from "../wire.js";
 
 const PORTS = { modbus: 502, mqtt: 1883, opcua: 4840 };
-const PLACES = { modbus: "8:float32, input 3:int16", mqtt: "state.v", opcua: "nsu=…;s=Axis.Speed" };
+const PLACES = { modbus: "8:float32 swapped", mqtt: "state.v", opcua: "nsu=…;s=Axis.Speed" };
 const AGAIN = 3000;
 
 export function open({ context }) {
@@ -13,6 +13,7 @@ export function open({ context }) {
   const protocol = h("select", { id: "protocol", onchange: () => {
     port.value = String(PORTS[protocol.value]);
     topic.parentElement.hidden = protocol.value !== "mqtt";
+    written.hidden = protocol.value !== "modbus";
     device.parentElement.hidden = protocol.value !== "modbus";
     for (const one of lines.querySelectorAll(".place")) one.placeholder = PLACES[protocol.value];
   } }, Object.keys(PORTS).map((one) => h("option", { value: one }, one)));
@@ -27,6 +28,7 @@ export function open({ context }) {
   const seconds = h("input", { id: "seconds", value: "5", inputmode: "decimal" });
   const names = h("datalist", { id: "roles" });
   const wanted = h("p", { class: "quiet", id: "wanted" });
+  const written = h("p", { class: "quiet" }, "A register: 8:float32, with its words swapped 8:float32 swapped, a tenth input 3:int16 *0.1, and where −32768 means no value 3:int16 !-32768.");
   const lines = h("tbody");
   const found = h("div", { id: "found" });
   let [kinds, timer, ended, asking] = [{}, null, false, false];
@@ -113,7 +115,7 @@ export function open({ context }) {
       h("div", { class: "row" }, field("Protocol", protocol), field("Host", host), field("Port", port), field("Topic", topic), field("Unit (Modbus)", device)),
       h("div", { class: "row" }, action("Look", look, { class: "main", disabled: !may, id: "look" }), stop), heard),
     h("section", { class: "card" }, h("h2", {}, "2. What is what?"),
-      h("div", { class: "row" }, field("Kind of machine", kind), field("Name", called)), wanted, names,
+      h("div", { class: "row" }, field("Kind of machine", kind), field("Name", called)), wanted, written, names,
       h("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": "Columns" }, h("table", { class: "columns-of" }, h("thead", {}, h("tr", {}, ["place", "role or name", "unit", "value", ""].map((one) => h("th", {}, one)))), lines)),
       h("button", { type: "button", id: "more", onclick: () => lines.append(line()) }, "One more column")),
     h("section", { class: "card" }, h("h2", {}, "3. Try it"), h("p", { class: "quiet" }, "The machine is read for some seconds, as a twin would read it. Nothing is kept, here or there."),

@@ -4,7 +4,7 @@ import { Axis, Chart, fromPixels, fromRows } from "../chart.js";
 import { h, put, table } from "../dom.js";
 import { arm, exceeds, floor, leaning, robot, Scene } from "../scene.js";
 import { verdict } from "../verdict.js";
-import { age, clock, number, levelOf, quantity, trimmed, unitOf } from "../words.js";
+import { age, clock, number, levelOf, parted, quantity, trimmed, unitOf } from "../words.js";
 import { ask, asKnown, of } from "../wire.js";
 
 const SPANS = [["30 s", 30], ["2 min", 120], ["10 min", 600], ["1 h", 3600], ["8 h", 28800]];
@@ -219,7 +219,7 @@ class Live {
       const [name, unit, level] = [output.name, unitOf(output), levelOf(output)];
       const one = rows.outputs[name];
       const size = last(one?.measured) ?? last(one?.predicted) ?? 0;
-      return [name, quantity(last(one?.measured), level, size), quantity(last(one?.predicted), level, size), quantity(last(one?.residual), unit)];
+      return [name, ...[quantity(last(one?.measured), level, size), quantity(last(one?.predicted), level, size), quantity(last(one?.residual), unit)].map(parted)];
     });
     const old = this.context.twins.find((one) => one.name === this.twin)?.age ?? null;
     put(this.values, table(`Newest row (${rows.newest}), ${age(old)}${old >= 1 ? " old" : ""}`, ["", "measured", "predicted", "off by"], lines));
