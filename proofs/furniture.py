@@ -55,6 +55,10 @@ class Score(NamedTuple):
     found: int
     boxes: int
     """In places in the end."""
+    wrongly: float
+    """Share of what stood in places, row by row, that was no table."""
+    words: int
+    """Tables found, and withdrawn again."""
 
 
 def sight_of(drive: Drive) -> Sight:
@@ -83,6 +87,15 @@ def stops(drive: Drive, result: Any) -> tuple[list[float], list[float]]:
     return found
 
 
+def stood(drive: Drive, result: Any) -> float:
+    """Share of what stood in places, row by row, that was no table, be it one that was moved."""
+    both = from_start(drive.pose, np.concatenate([drive.before, drive.after]))
+    there = result.trace["input"][:, 2:].reshape(-1, 6)
+    there = there[there[:, 3] > 0]
+    apart = np.hypot(*(there[:, None, :2] - both[None, :, :2]).transpose(2, 0, 1))
+    return float(np.mean(apart.min(axis=1) > MATCH)) if len(there) else 0.0
+
+
 def scored(drive: Drive, folder: Path) -> Score:
     """What a run makes of a drive."""
     files = written(drive, folder)
@@ -105,10 +118,11 @@ def scored(drive: Drive, folder: Path) -> Score:
     near = np.array([np.hypot(*(drive.pose[:, :2] - one[:2]).T).min() < 4 for one in drive.after])
     found = sum(bool(len(boxes) and np.hypot(*(boxes[:, :2] - one[:2]).T).min() < MATCH)
                 for one in after[near])  # fmt: skip
-    told = sum(event.kind == "suspected" for event in result.events)
-    apart = stops(drive, result)
+    told, words = (sum(event.kind == kind for event in result.events)
+                   for kind in ("suspected", "table_withdrawn"))  # fmt: skip
+    apart, wrongly = stops(drive, result), stood(drive, result)
     return Score(*apart, bool(np.isfinite(seen)), late[:1], wrong, told, int(near.sum()), found,
-                 len(boxes))  # fmt: skip
+                 len(boxes), wrongly, words)  # fmt: skip
 
 
 def main() -> int:
@@ -125,10 +139,11 @@ def main() -> int:
                   f"{one.boxes} boxes; stops {np.round(one.stops, 3).tolist()}, without tables "
                   f"{np.round(one.bare, 3).tolist()}; moved {drive.moved}, seen {one.shown}, named "
                   f"after {np.round(one.late, 1).tolist()} s, wrong {one.wrong}, suspected "
-                  f"{one.suspected}", flush=True)  # fmt: skip
+                  f"{one.suspected}, no table {100 * one.wrongly:.1f} %, withdrawn {one.words}",
+                  flush=True)  # fmt: skip
     apart, bare = (np.concatenate([getattr(one, k) for one in scores]) for k in ("stops", "bare"))
     shown, wrong = sum(one.shown for one in scores), sum(one.wrong for one in scores)
-    late = np.concatenate([one.late for one in scores if one.shown])
+    late = np.array([t for one in scores if one.shown for t in one.late])
     tables, found, boxes = (sum(getattr(one, k) for one in scores)
                             for k in ("tables", "found", "boxes"))  # fmt: skip
     print(
@@ -137,9 +152,11 @@ def main() -> int:
         f"{int((apart <= STOP).sum())}; without tables median {100 * np.median(bare):.1f} cm, "
         f"within 3 cm in {int((bare <= STOP).sum())}\n"
         f"2. {shown} moved tables seen in both places: named {len(late)}, within 5 s "
-        f"{int((late <= SECONDS).sum())}, median {np.median(late):.1f} s, longest "
-        f"{np.max(late):.1f} s; moves named that were none: {wrong}\n"
-        f"3. {tables} tables, {boxes} in places, {found} of them tables"
+        f"{int((late <= SECONDS).sum())}, "
+        f"longest {np.max(late, initial=-np.inf):.1f} s; moves named that were none: {wrong}\n"
+        f"3. {tables} tables, {boxes} in places, {found} of them tables; of what stood in "
+        f"places row by row {100 * np.mean([one.wrongly for one in scores]):.1f} % was no table; "
+        f"{sum(one.words for one in scores)} times one was withdrawn"
     )
     return ended({
         "stops": bool(np.mean(apart <= STOP) >= SHARE),

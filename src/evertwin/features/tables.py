@@ -40,7 +40,7 @@ BIRTH, DOUBTS = 2, 6
 ALIKE, SIGMAS = 0.04, 3.0
 """How far sizes of one table may differ: [m], and in their spread."""
 SAME = 0.1
-"""How far a table may seem to go from look to look [m]."""
+"""How far a table may seem to go from look to look, and either end of its sides [m]."""
 
 Shape = Float64[np.ndarray, " 5"]
 """x, y [m], heading [rad], length, width [m] around the legs."""
@@ -192,7 +192,9 @@ def _same(one: Rectangle, table: Table) -> bool:
     """Is it the table that was known, where it was?"""
     before = table.rectangle
     way = np.hypot(*(one.shape[:2] - before.shape[:2]))
-    return bool(way < SAME and _alike(one, before)) or len(one.known & before.known) >= 3
+    # of touching tables now this leg, now that one beside it is taken for the corner
+    off = np.abs(one.shape[3:] - before.shape[3:]).max()
+    return bool(way < SAME and off < 2 * SAME) or len(one.known & before.known) >= 3
 
 
 def _alike(one: Rectangle, other: Rectangle) -> bool:
@@ -251,8 +253,8 @@ def _moves(room: Room, t: int, happened: list[Happened]) -> tuple[Room, list[Hap
         if alike:
             before = max(alike, key=lambda one: one.seen)
             gone.remove(before)
-            told = (t, "appeared", table.number)
-            happened = [one for one in happened if one[:3] != told]
+            both = (before.number, table.number)  # what is said of it now says all
+            happened = [one for one in happened if one.number not in both]
             happened.append(Happened(t, "moved", before.number, before.shape, table.shape))
             found[k] = table._replace(number=before.number, appeared=False)
     return replace(room, found=tuple(found), gone=tuple(gone)), happened
