@@ -127,9 +127,21 @@ class _Machine:
     """The robot among what stands there."""
 
     def __init__(self, pose: np.ndarray, rounds: list[np.ndarray]) -> None:
-        self.models = [mujoco.MjModel.from_xml_string(CART.format(
-            around="".join(f'<geom type="cylinder" pos="{x} {y} 0.35" size="{r} 0.35"/>'
-                           for x, y, r in one), mass=35, x=0, y=0, turn=0)) for one in rounds]
+        self.models = [
+            mujoco.MjModel.from_xml_string(
+                CART.format(
+                    around="".join(
+                        f'<geom type="cylinder" pos="{x} {y} 0.35" size="{r} 0.35"/>'
+                        for x, y, r in one
+                    ),
+                    mass=35,
+                    x=0,
+                    y=0,
+                    turn=0,
+                )
+            )
+            for one in rounds
+        ]
         self.data = mujoco.MjData(self.models[0])
         self.data.qpos[:] = pose
 
@@ -248,8 +260,10 @@ def driven(seed: int, tables: int | None = None, move: bool = True, beams: int |
     one_lap = int(len(way) / laps)
     after, moved = _moved(place, taken, rng) if move else (place.tables.copy(), -1)
     when = int(rng.uniform(1.05, 1.3) * one_lap)
-    standing = [np.concatenate([place.rounds, *(legs(one) for one in some)])
-                for some in (place.tables, after)]
+    standing = [
+        np.concatenate([place.rounds, *(legs(one) for one in some)])
+        for some in (place.tables, after)
+    ]
     machine = _Machine(way[0], standing)
     driver = _Driver(way, 1 / rate, speed, one_lap)
     poses, told, pose, first = list[np.ndarray](), list[np.ndarray](), way[0], None
@@ -282,9 +296,15 @@ def written(drive: Drive, folder: Path, tables: int = 8) -> list[Path]:
     beams = drive.ranges.shape[1]
     (folder / "cart.xml").write_text(CART.format(around="", mass=20, x=0, y=0, turn=0))
     for name, places in (("cart", tables), ("bare", 0)):
-        (folder / f"{name}.toml").write_text(TWIN.format(
-            places=places, start=-0.5 * drive.step * (beams - 1), step=drive.step, beams=beams,
-            longest=drive.longest))
+        (folder / f"{name}.toml").write_text(
+            TWIN.format(
+                places=places,
+                start=-0.5 * drive.step * (beams - 1),
+                step=drive.step,
+                beams=beams,
+                longest=drive.longest,
+            )
+        )
     lines = ["t,v,w", *(f"{t:.3f},{v:.6f},{w:.6f}" for t, (v, w) in zip(drive.t, drive.told))]
     (folder / "run-command.csv").write_text("\n".join([*lines, ""]))
     head = ",".join(["t", *(f"ranges.{k + 1}" for k in range(beams))])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -75,7 +76,7 @@ def moved() -> list[Chunk]:
 def test_a_table_that_was_moved_keeps_its_place_and_is_named(moved: list[Chunk]) -> None:
     _, out = fold(stage(), moved)
     named = [one for one in told(out) if one.kind == "table_moved"]
-    assert [one.kind for one in told(out)][0] == "table_found" and len(named) == 1
+    assert told(out)[0].kind == "table_found" and len(named) == 1
     now, half = (np.array(named[0].evidence[key]) for key in ("now", "half95"))
     assert np.abs(now[:2] - in_map(MOVED)[:2]).max() < 0.03 and (half[:2] < 0.03).all()
     assert np.abs(np.array(named[0].evidence["before"])[:2] - in_map(TABLE)[:2]).max() < 0.03
@@ -91,7 +92,7 @@ def test_the_laws_of_a_stage_hold(moved: list[Chunk]) -> None:
     state, whole = fold(on, moved)
     rng = np.random.default_rng(1)
     cuts = [0, *sorted(rng.choice(np.arange(1, len(moved)), 9, replace=False)), len(moved)]
-    pieces = [joined(moved[a:b]) for a, b in zip(cuts, cuts[1:])]
+    pieces = [joined(moved[a:b]) for a, b in pairwise(cuts)]
     other, out = fold(on, pieces)
     assert equal(other, state) and equal(out.rows, whole.rows) and out.records == whole.records
     half, first = fold(on, moved[:30])

@@ -88,19 +88,22 @@ class Tables(NamedTuple):
              int(one.appeared))
             for one in kept
         ]  # fmt: skip
+        rest = [(one.rectangle.misfit, one.radius) for one in kept]
         return cls(
             np.array(whole, np.int64).reshape(-1, 10),
             np.array([one.rectangle.shape for one in kept], np.float64).reshape(-1, 5),
             np.array([one.rectangle.covariance for one in kept], np.float64).reshape(-1, 5, 5),
-            np.array([(one.rectangle.misfit, one.radius) for one in kept], np.float64).reshape(-1, 2),
+            np.array(rest, np.float64).reshape(-1, 2),
         )  # fmt: skip
 
     def each(self) -> Iterator[Table]:
         """One by one."""
-        for k, row in enumerate(self.whole.tolist()):
+        for k, (number, a, b, c, d, since, last, looks, doubts, new) in enumerate(
+            self.whole.tolist()
+        ):
             misfit, radius = self.rest[k].tolist()
-            rectangle = Rectangle(tuple(row[1:5]), self.shape[k], self.covariance[k], misfit)
-            yield Table(row[0], rectangle, radius, *row[5:9], bool(row[9]))
+            rectangle = Rectangle((a, b, c, d), self.shape[k], self.covariance[k], misfit)
+            yield Table(number, rectangle, radius, since, last, looks, doubts, bool(new))
 
 
 class Furniture(NamedTuple):
@@ -146,14 +149,11 @@ class Furnishing:
 
     def step(self, state: Furniture, view: View) -> tuple[Furniture, list[Told]]:
         """The tables after one more scan, and what became known by it. Consumes ``state``."""
-        views = tuple(
-            View(t, *rest, pose) for t, *rest, pose in zip(
-                state.t.tolist(), state.ranges, [self.lidar] * len(state.t), state.pose
-            )
-        )  # fmt: skip
+        kept = zip(state.t.tolist(), state.ranges, state.pose, strict=True)
+        views = tuple(View(t, ranges, self.lidar, pose) for t, ranges, pose in kept)
         looked = None if state.looked == NEVER else state.looked
-        known = (tuple(some.each()) for some in (state.found, state.gone))
-        room, happened = seen(Room(state.legs, *known, views, looked, state.last), view)
+        found, gone = (tuple(some.each()) for some in (state.found, state.gone))
+        room, happened = seen(Room(state.legs, found, gone, views, looked, state.last), view)
         if room.views[-1] is view:
             state = state._replace(
                 t=np.append(state.t, view.t)[-VIEWS:],
@@ -165,8 +165,8 @@ class Furnishing:
             return state, []
         self._place(state, room.tables)
         told = [self._told(one, room.tables, state.numbers) for one in happened]
-        found, gone = Tables.of(room.found), Tables.of(room.gone)
-        return state._replace(found=found, gone=gone, last=room.last, looked=view.t), told
+        state = state._replace(found=Tables.of(room.found), gone=Tables.of(room.gone))
+        return state._replace(last=room.last, looked=view.t), told
 
     def _place(self, state: Furniture, tables: Sequence[Table]) -> None:
         """Tables into their places; one more than there are waits for a place."""
@@ -182,7 +182,6 @@ class Furnishing:
             off = corners(now) - corners(state.places[k, :5])
             if not len(known) or np.hypot(*off.T).max() > CLOSER:
                 state.numbers[k], state.places[k] = number, [*now, table.radius]
-
 
     def _told(self, one: Happened, tables: Sequence[Table], numbers: np.ndarray) -> Told:
         """What became of a table, as an event says it."""

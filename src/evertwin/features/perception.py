@@ -32,7 +32,7 @@ from evertwin.features.poses import Fix, Poses
 from evertwin.features.range_unit import LONGEST, doubted, middle
 from evertwin.features.repeats import Repeats
 from evertwin.features.scan_matcher import FEW, STANDING, Following, ScanMatcher
-from evertwin.features.told import Placed, Said
+from evertwin.features.told import Said
 from evertwin.features.words import NEVER, Words
 from evertwin.fold import Chunk, Out, make_block
 from evertwin.signals.planar import compose, wrapped

@@ -15,7 +15,7 @@ rows are cut where the tables change.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import pairwise
@@ -51,7 +51,7 @@ class Rooms:
         return self._known(tables.tobytes())
 
     @cached_property
-    def _known(self) -> Any:
+    def _known(self) -> Callable[[bytes], EnginePool]:
         return lru_cache(KEPT)(self._made)
 
     def _made(self, room: bytes) -> EnginePool:
