@@ -122,6 +122,11 @@ class Drive(NamedTuple):
     """Row from which on it stands elsewhere."""
     pushes: tuple[Push, ...]
 
+    def until(self, row: int) -> Drive:
+        """Its beginning, ``row`` included."""
+        n = row + 1
+        return self._replace(t=self.t[:n], told=self.told[:n], ranges=self.ranges[:n])
+
 
 class _Machine:
     """The robot among what stands there."""
@@ -251,7 +256,7 @@ def driven(seed: int, tables: int | None = None, move: bool = True, beams: int |
            rate: float | None = None, laps: float = 2.1) -> Drive:  # fmt: skip
     """A drive, drawn by seed: rounds, and a drive at each table that the way allows."""
     rng = np.random.default_rng([seed, 11])
-    place, taken = hall(seed, int(rng.integers(1, 6)) if tables is None else tables)
+    place, taken = hall(seed, int(rng.integers(1, 4 if move else 6)) if tables is None else tables)
     wide = [one for one in LIDARS if beams is None or one[0] == beams]
     count, step, longest = wide[int(rng.integers(len(wide)))]
     drawn, speed = float(rng.choice([2.5, 5.0, 10.0])), float(rng.uniform(0.3, 0.5))

@@ -71,6 +71,22 @@ def test_the_twin_stops_at_the_table_where_the_machine_does(
     assert "suspected" not in [event.kind for event in result.events]
 
 
+def test_a_plan_that_drives_at_the_table_ends_there(
+    spec: TwinSpec, drive: Drive, folder: Path
+) -> None:
+    """The plan says speeds alone: where tables stand the scans have said."""
+    push, short = drive.pushes[-1], folder / "short"
+    written(drive.until(push.first), short, tables=2)
+    rows = "".join(f"{0.4 * k:.1f},0.3,0\n" for k in range(30))
+    (folder / "plan.csv").write_text(f"t,v,w\n{rows}")
+    with Twin(spec) as twin:
+        recorded = [short / "run-command.csv", short / "run-scan.csv"]
+        seen = twin.forecast(12.0, recorded, inputs=folder / "plan.csv")
+    end = from_start(drive.pose, drive.pose)[push.last, :2]
+    told = np.array([seen.outputs[name].value[-1] for name in ("x.pos", "y.pos")])
+    assert np.hypot(*(told - end)) < 0.03
+
+
 def test_a_moved_table_is_named_and_the_rows_have_it(drive: Drive, result: RunResult) -> None:
     kinds = [event.kind for event in result.events]
     assert [one for one in kinds if one.startswith("table")] == [
@@ -82,7 +98,7 @@ def test_a_moved_table_is_named_and_the_rows_have_it(drive: Drive, result: RunRe
     then = int(np.searchsorted(result.trace["t"], moved.time, side="right"))
     assert np.hypot(*(tables[then, 0, :2] - after)) < 0.05
     assert np.hypot(*(tables[drive.when - 1, 0, :2] - after)) > 0.5
-    assert not tables[0].any() and not tables[:, 1].any()
+    assert not tables[0].any() and not tables[-1, 1].any()
     assert "was moved by" in str(result)
 
 
