@@ -155,7 +155,7 @@ def _looked(room: Room, t: int) -> tuple[Room, list[Happened]]:
         left += [one for one in explained(hidden) if all(apart(one, other) for other in left)]
     happened, found, gone, last = list[Happened](), list[Table](), list(room.gone), room.last
     for table in room.found:
-        same = next((one for one in left if _same(one, table)), None)
+        same = next((one for one in left if _same(one, table, sure)), None)
         if same is not None:
             left.remove(same)
             table = _at(same, sure, table)
@@ -188,13 +188,16 @@ def _at(one: Rectangle, legs: Legs, before: Table | None) -> Table:
                            doubts=0)  # fmt: skip
 
 
-def _same(one: Rectangle, table: Table) -> bool:
+def _same(one: Rectangle, table: Table, legs: Legs) -> bool:
     """Is it the table that was known, where it was?"""
     before = table.rectangle
     way = np.hypot(*(one.shape[:2] - before.shape[:2]))
-    # of touching tables now this leg, now that one beside it is taken for the corner
-    off = np.abs(one.shape[3:] - before.shape[3:]).max()
-    return bool(way < SAME and off < 2 * SAME) or len(one.known & before.known) >= 3
+    if len(one.known & before.known) >= 3:
+        return True
+    # of touching tables now this leg, now that one beside it is taken for a corner
+    stands = np.isin(list(before.known), legs.number).all()
+    near = stands and np.abs(one.shape[3:] - before.shape[3:]).max() < 2 * SAME
+    return bool(way < SAME and (near or _alike(one, before)))
 
 
 def _alike(one: Rectangle, other: Rectangle) -> bool:
