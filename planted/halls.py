@@ -73,7 +73,7 @@ def met(rounds: np.ndarray, pose: np.ndarray, angles: np.ndarray) -> np.ndarray:
     return np.min(np.where((inside > 0) & (r > 0), r, np.inf), axis=0)
 
 
-def _free(rng: np.random.Generator, size: np.ndarray, reach: float, taken: list) -> np.ndarray:
+def free_place(rng: np.random.Generator, size: np.ndarray, reach: float, taken: list) -> np.ndarray:
     """A place off the lane and off what stands there; raises where there is none."""
     for _ in range(200):
         at = rng.uniform(-0.5, 0.5, 2) * (size - 2 * reach)
@@ -99,7 +99,7 @@ def hall(seed: int, tables: int) -> tuple[Hall, list]:
         pair = len(stand) + 2 <= tables and rng.random() < 0.3
         reach = 0.5 * np.hypot(length, 2 * width if pair else width)
         try:
-            at = _free(rng, size, reach, taken)
+            at = free_place(rng, size, reach, taken)
         except ValueError:
             break
         inset = rng.uniform(0.0, 0.1)  # of the legs from the plate's edge
@@ -114,7 +114,7 @@ def hall(seed: int, tables: int) -> tuple[Hall, list]:
     for kind in ("box", "box", "chair", "pillar", "post"):
         if rng.random() < 0.6:
             try:
-                at = _free(rng, size, 0.6 if kind == "box" else 0.3, taken)
+                at = free_place(rng, size, 0.6 if kind == "box" else 0.3, taken)
             except ValueError:
                 continue
             if kind == "box":
@@ -188,7 +188,7 @@ def recorded_hall(seed: int, move: bool = False, tables: int | None = None) -> S
         moved, when = int(rng.integers(len(after))), int(rng.uniform(0.5, 0.6) * len(poses))
         reach = 0.5 * float(np.hypot(*after[moved, 3:5]))
         try:
-            after[moved, :2] = _free(rng, place.size, reach, taken)
+            after[moved, :2] = free_place(rng, place.size, reach, taken)
             after[moved, 2] = rng.uniform(-np.pi / 2, np.pi / 2)
         except ValueError:  # the hall is full
             moved, when = -1, len(poses)

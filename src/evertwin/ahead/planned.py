@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -71,7 +72,8 @@ def from_now(basis: Basis, path: Path, newest: Block) -> tuple[Future, tuple[str
     Raises:
         DataError: as `rows_of_file`; or a row lies before now.
     """
-    plan, step, held = _Plan(basis, read_table(path)), usual_step(newest), known_inputs(newest)[-1]
+    step, held = usual_step(newest), known_inputs(newest)[-1]
+    plan = _Plan(basis, read_table(path), _stand(basis, held))
     begin, future, _ = _read(plan, path, step)
     if plan.dated:  # one from before the recording ended is of another day
         begin = max(begin - 1e-9 * float(newest.t[-1]), 0.0)
@@ -97,6 +99,14 @@ def _read(plan: _Plan, path: Path, step: float) -> tuple[float, Future, Mapping[
     at_rows = {name: np.where(fine.first, column[fine.row], np.nan)
                for name, column in planned.items()}  # fmt: skip
     return float(t[0]), Future(np.ascontiguousarray(np.stack(u, axis=1)), fine.dt), at_rows
+
+
+def _stand(basis: Basis, now: Float64[np.ndarray, " nu"]) -> Mapping[str, float]:
+    """What scans show among the inputs of a row."""
+    spec, names = basis.setup.spec, basis.model.inputs.names
+    shown = () if spec.perception is None else spec.perception.channels
+    return {name: float(v) for name, v in zip(names, now, strict=True)
+            if recorded_as(spec, name) in shown}  # fmt: skip
 
 
 class _Fine(NamedTuple):
@@ -131,6 +141,8 @@ class _Plan(NamedTuple):
 
     basis: Basis
     table: Table
+    stand: Mapping[str, float] = MappingProxyType({})
+    """Inputs that scans show, such as tables, as they are now: a plan need not name them."""
 
     def time(self) -> Vector:
         """Stamps of the rows [s]."""
@@ -158,6 +170,8 @@ class _Plan(NamedTuple):
 
     def input(self, t: Vector, fine: _Fine, one: Channel, held: bool) -> Float64[np.ndarray, " n"]:
         """An input at each step: its column, or a derivative of the arm's position ``q…``."""
+        if one.name in self.stand and not self.has(one.name):
+            return np.full(len(fine.row), self.stand[one.name])
         order = 2 if one.name.startswith("qdd") else 1 if one.name.startswith("qd") else 0
         given = order == 0 or self.has(one.name)
         name = one.name if given else "q" + one.name[order + 1 :]

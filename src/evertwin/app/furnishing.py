@@ -18,8 +18,8 @@ from evertwin.features.occupancy import of_keyframes, save
 from evertwin.features.poses import Fix
 from evertwin.features.rectangles import corners
 from evertwin.features.segments import surface_of
-from evertwin.features.table_bodies import Plate, bodies
 from evertwin.features.tables import Happened, Room, Table, furnished
+from evertwin.models.table_bodies import Plate, bodies
 from evertwin.report.table_picture import draw_tables
 from evertwin.signals import unwrapped
 from evertwin.signals.planar import compose

@@ -26,15 +26,18 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.errors import DataError
+from evertwin.features.furniture import FURNISHED, UNKNOWN, Furnishing, Furniture
+from evertwin.features.legs import View
 from evertwin.features.poses import Fix, Poses
 from evertwin.features.range_unit import LONGEST, doubted, middle
 from evertwin.features.repeats import Repeats
 from evertwin.features.scan_matcher import FEW, STANDING, Following, ScanMatcher
+from evertwin.features.told import Said
 from evertwin.features.words import NEVER, Words
-from evertwin.fold import Chunk, Event, Out, make_block
-from evertwin.signals.planar import wrapped
+from evertwin.fold import Chunk, Out, make_block
+from evertwin.signals.planar import compose, wrapped
 from evertwin.sources.scans import Lidar
-from evertwin.types import Float64, Int64, Stamps, Vector
+from evertwin.types import Float64, Int64, Vector
 
 WAITING = 32
 """Scans that may wait; the oldest of more is matched with what was said."""
@@ -43,25 +46,11 @@ LOST = 3
 MISSING, LEARNS = 5.0, 0.1
 """Usual steps from scan to scan that are a hole, and how much one tells of what is usual."""
 CAUSES = FROZEN, UNIT = "scans_frozen", "unit_doubted"
-PERCEIVED = ("pose_lost", "pose_found", "scans_missing", *CAUSES, "unheard", "heard")
+PERCEIVED = ("pose_lost", "pose_found", "scans_missing", *CAUSES, "unheard", "heard",
+             *FURNISHED)  # fmt: skip
 """Kinds of its events; those that say why there is no pose, each once."""
 WHEELS, GYRO = 0, 1
 NOT_YET, HEARD, UNHEARD = 0, 1, 2
-
-
-class Placed(NamedTuple):
-    """Poses at the stamps of scans.
-
-    >>> Placed._fields
-    ('t', 'pose', 'segment', 'task')
-    """
-
-    t: Stamps
-    pose: Float64[np.ndarray, "n 3"]
-    """x, y [m], heading [rad, not wrapped]; NaN where the scan tells none."""
-    segment: Int64[np.ndarray, " n"]
-    """Of the map that it is told in: a new one begins somewhere unknown."""
-    task: Int64[np.ndarray, " n"]
 
 
 class PerceptionState(NamedTuple):
@@ -109,6 +98,8 @@ class PerceptionState(NamedTuple):
     doubted: bool
     """Was it told that the unit of its ranges is doubted?"""
     task: int
+    furniture: Furniture | tuple[()] = ()
+    """Empty where no tables are asked for."""
 
 
 @dataclass(frozen=True)
@@ -134,10 +125,20 @@ class Perception:
     """Sources of inputs that drive the machine; none: nobody says whether it drives."""
     unit: str = "m"
     """That is declared for the ranges."""
+    tables: int = 0
+    """Places for tables."""
+
+    @cached_property
+    def _furnishing(self) -> Furnishing:
+        return Furnishing(self.lidar, self.tables)
 
     @cached_property
     def _matcher(self) -> ScanMatcher:
         return ScanMatcher(self.lidar, self.beams)
+
+    @property
+    def _unfurnished(self) -> Furniture | tuple[()]:
+        return self._furnishing.init(self.beams) if self.tables else ()
 
     @cached_property
     def _silent(self) -> int:
@@ -148,7 +149,7 @@ class Perception:
         return PerceptionState(
             self._matcher.init(), np.zeros(WAITING, np.int64), np.zeros((WAITING, self.beams)), 0,
             0, Words.none(3), Words.none(3), np.zeros(2, np.int64), 0, NEVER, NEVER, 0.0, 0, NEVER,
-            NEVER, 0, 0, 0, Repeats.none(len(self.drives)), False, 0,
+            NEVER, 0, 0, 0, Repeats.none(len(self.drives)), False, 0, self._unfurnished,
         )  # fmt: skip
 
     def step(self, state: PerceptionState, block: Chunk) -> tuple[PerceptionState, Out]:
@@ -179,8 +180,8 @@ class Perception:
         state, out = self._opened(state, task)
         return state, out.out
 
-    def _opened(self, state: PerceptionState, task: int) -> tuple[PerceptionState, _Said]:
-        out = _Said()
+    def _opened(self, state: PerceptionState, task: int) -> tuple[PerceptionState, Said]:
+        out = Said()
         if task <= state.task:
             return state, out
         self._read(state, out, ends=True)
@@ -188,7 +189,7 @@ class Perception:
 
     def flush(self, state: PerceptionState) -> tuple[PerceptionState, Out]:
         """The scans that wait, at the end of the data."""
-        out = _Said()
+        out = Said()
         state = self._read(state, out, ends=True)
         return state, out.out
 
@@ -205,7 +206,7 @@ class Perception:
                 f"source {chunk.source!r}: expected {width} values, got {chunk.v.shape[1:]}"
             )
 
-    def _seen(self, state: PerceptionState, t: int, ranges: Vector, out: _Said) -> PerceptionState:
+    def _seen(self, state: PerceptionState, t: int, ranges: Vector, out: Said) -> PerceptionState:
         """A scan joins those that wait."""
         last = int(state.t[(state.came - 1) % WAITING]) if state.came else NEVER
         if t <= last:
@@ -220,7 +221,7 @@ class Perception:
         state.t[place], state.ranges[place] = t, np.where(measured, ranges, np.nan)
         return state._replace(came=state.came + 1, late=0)
 
-    def _read(self, state: PerceptionState, out: _Said, *, ends: bool = False) -> PerceptionState:
+    def _read(self, state: PerceptionState, out: Said, *, ends: bool = False) -> PerceptionState:
         """Matches the scans that have waited."""
         while state.read < state.came:
             t = int(state.t[state.read % WAITING])
@@ -237,7 +238,7 @@ class Perception:
         if self.gyro:
             yield GYRO, state.gyro
 
-    def _one(self, state: PerceptionState, out: _Said) -> PerceptionState:
+    def _one(self, state: PerceptionState, out: Said) -> PerceptionState:
         """The pose of the scan that has waited longest."""
         place = state.read % WAITING
         t = int(state.t[place])
@@ -254,14 +255,36 @@ class Perception:
         anew = state.without and segment != state.segment  # a map that begins has any scan placed
         told = poses.fix[0] == Fix.MATCHED and place_sd <= self.within and not anew
         pose = poses.pose[0] if told else np.full(3, np.nan)
+        if self.tables:
+            lidar = compose(pose, np.array(self.lidar.mount))
+            state = self._furnished(state, View(t, ranges, self.lidar, lidar), segment, out)
         now = t if self.every == 0.0 else t // round(1e9 * self.every)
         if now > state.told:
-            out.rows.append((t, pose, segment, state.task))
+            room = state.furniture
+            stand = room.places.ravel().copy() if isinstance(room, Furniture) else np.zeros(0)
+            out.rows.append((t, pose, segment, state.task, stand))
             state = state._replace(told=now if told else state.told)
         state = self._found(state, t, segment, out) if told else self._lost(state, t, out)
         return state._replace(following=following, read=state.read + 1, before=t, segment=segment)
 
-    def _missed(self, state: PerceptionState, t: int, out: _Said) -> PerceptionState:
+    def _furnished(
+        self, state: PerceptionState, view: View, segment: int, out: Said
+    ) -> PerceptionState:
+        """The tables after a scan; on a new map none is known."""
+        room = state.furniture
+        assert isinstance(room, Furniture)
+        if segment != state.segment:
+            if room.numbers.any():
+                what = "on a new map it is not known where the tables stand: the model has none"
+                out.tell(view.t, UNKNOWN, self.scan, f"{self.scan}: {what}", tables=room.numbers)
+            room = self._furnishing.init(self.beams)._replace(last=room.last)
+        if np.isfinite(view.pose).all():
+            room, told = self._furnishing.step(room, view)
+            for one in told:
+                out.tell(view.t, one.kind, self.scan, one.reason, **one.evidence)
+        return state._replace(furniture=room)
+
+    def _missed(self, state: PerceptionState, t: int, out: Said) -> PerceptionState:
         """Were scans missing before this one?"""
         if state.before == NEVER:
             return state
@@ -272,7 +295,7 @@ class Perception:
         usual = state.usual or float(step)
         return state._replace(usual=usual + LEARNS * (min(step, MISSING * usual) - usual))
 
-    def _said(self, state: PerceptionState, t: int, out: _Said) -> tuple[PerceptionState, Vector]:
+    def _said(self, state: PerceptionState, t: int, out: Said) -> tuple[PerceptionState, Vector]:
         """What wheels and gyro say of a time: x, y, heading, angle; NaN where they say nothing."""
         moved = np.full(4, np.nan)
         for k, words in self._priors(state):
@@ -299,7 +322,7 @@ class Perception:
         longest = self.lidar.longest if not middle(ranges) > LONGEST else 0.0
         return np.where(ranges < longest, ranges, np.nan)
 
-    def _again(self, state: PerceptionState, t: int, ranges: Vector, out: _Said) -> PerceptionState:
+    def _again(self, state: PerceptionState, t: int, ranges: Vector, out: Said) -> PerceptionState:
         """Is a scan the one before, number by number?"""
         last = state.following.ranges
         same = np.isfinite(ranges).sum() >= FEW and np.array_equal(ranges, last, equal_nan=True)
@@ -310,7 +333,7 @@ class Perception:
         following = state.following._replace(repeated=STANDING * repeats.frozen)
         return state._replace(repeats=repeats, following=following)
 
-    def _found(self, state: PerceptionState, t: int, segment: int, out: _Said) -> PerceptionState:
+    def _found(self, state: PerceptionState, t: int, segment: int, out: Said) -> PerceptionState:
         if state.without >= LOST:
             what = f"the scans tell the pose again after {1e-9 * (t - state.since):.4g} s without"
             if segment != state.left:
@@ -320,7 +343,7 @@ class Perception:
             out.tell(t, "pose_found", self.scan, what, **evidence)
         return state._replace(without=0)
 
-    def _lost(self, state: PerceptionState, t: int, out: _Said) -> PerceptionState:
+    def _lost(self, state: PerceptionState, t: int, out: Said) -> PerceptionState:
         if not state.without:
             state = state._replace(since=t, left=state.segment)
         state = state._replace(without=state.without + 1)
@@ -334,26 +357,6 @@ class Perception:
                 out.tell(t, UNIT, self.scan, what, first=state.since, last=t)
                 state = state._replace(doubted=True)
         return state
-
-
-class _Said:
-    """What came out of one step."""
-
-    def __init__(self) -> None:
-        self.rows: list[tuple[int, Vector, int, int]] = []
-        self.events: list[Event] = []
-
-    def tell(self, t: int, kind: str, signal: str, reason: str, **evidence: int) -> None:
-        """Something to be said; who knows the row puts it in."""
-        self.events.append(Event(0, t, kind, signal, reason, evidence))
-
-    @property
-    def out(self) -> Out:
-        """All of it."""
-        if not self.rows:
-            return Out(None, tuple(self.events))
-        columns = zip(*self.rows, strict=True)
-        return Out(Placed(*map(np.array, columns)), tuple(self.events))
 
 
 def _moved(state: PerceptionState, t: int, v: Vector) -> PerceptionState:

@@ -9,6 +9,7 @@ from typing import Annotated, TypeAlias
 from annotated_types import Ge, Gt, Le
 
 from evertwin.errors import UsageError
+from evertwin.models.table_bodies import MOST_TABLES, table_channels
 from evertwin.settings.kinds import Duration, Seconds
 from evertwin.settings.notes import Late, Quantity
 from evertwin.settings.section import Section
@@ -53,6 +54,10 @@ class PerceptionSpec(Section):
     """Channel with the turn rate; absent: as above."""
     pose: tuple[str, ...] = ("x", "y", "heading")
     """Names of the channels that come of it, in the frame of the first scan."""
+    tables: Annotated[int, Ge(0), Le(MOST_TABLES)] = 0
+    """Places for tables on legs that the scans show, in the frame of the pose: each becomes the
+    channels ``table1.x``, ``.y``, ``.heading``, ``.length``, ``.width``, ``.leg`` (all 0: none
+    stands there), inputs of a model that knows tables. What came, was moved or went is told."""
     every: Duration | None = None
     """A pose for the first scan of each such time; absent: for every scan. Others are matched."""
     within: Length = 0.1
@@ -77,6 +82,11 @@ class PerceptionSpec(Section):
             raise UsageError(f"pose: expected three names, got {', '.join(self.pose) or 'none'}")
         if not compatible(self.unit, "m"):
             raise UsageError(f"unit: expected one of length, as 'm' or 'mm', got '{self.unit}'")
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """All that comes of it."""
+        return (*self.pose, *table_channels(self.tables))
 
     @property
     def mount(self) -> tuple[float, float, float]:

@@ -40,7 +40,7 @@ BIRTH, DOUBTS = 2, 6
 ALIKE, SIGMAS = 0.04, 3.0
 """How far sizes of one table may differ: [m], and in their spread."""
 SAME = 0.1
-"""How far a table may seem to go from look to look [m]."""
+"""How far a table may seem to go from look to look, and either end of its sides [m]."""
 
 Shape = Float64[np.ndarray, " 5"]
 """x, y [m], heading [rad], length, width [m] around the legs."""
@@ -155,7 +155,7 @@ def _looked(room: Room, t: int) -> tuple[Room, list[Happened]]:
         left += [one for one in explained(hidden) if all(apart(one, other) for other in left)]
     happened, found, gone, last = list[Happened](), list[Table](), list(room.gone), room.last
     for table in room.found:
-        same = next((one for one in left if _same(one, table)), None)
+        same = next((one for one in left if _same(one, table, sure)), None)
         if same is not None:
             left.remove(same)
             table = _at(same, sure, table)
@@ -188,11 +188,16 @@ def _at(one: Rectangle, legs: Legs, before: Table | None) -> Table:
                            doubts=0)  # fmt: skip
 
 
-def _same(one: Rectangle, table: Table) -> bool:
+def _same(one: Rectangle, table: Table, legs: Legs) -> bool:
     """Is it the table that was known, where it was?"""
     before = table.rectangle
     way = np.hypot(*(one.shape[:2] - before.shape[:2]))
-    return bool(way < SAME and _alike(one, before)) or len(one.known & before.known) >= 3
+    if len(one.known & before.known) >= 3:
+        return True
+    # of touching tables now this leg, now that one beside it is taken for a corner
+    stands = np.isin(list(before.known), legs.number).all()
+    near = stands and np.abs(one.shape[3:] - before.shape[3:]).max() < 2 * SAME
+    return bool(way < SAME and (near or _alike(one, before)))
 
 
 def _alike(one: Rectangle, other: Rectangle) -> bool:
@@ -251,8 +256,8 @@ def _moves(room: Room, t: int, happened: list[Happened]) -> tuple[Room, list[Hap
         if alike:
             before = max(alike, key=lambda one: one.seen)
             gone.remove(before)
-            told = (t, "appeared", table.number)
-            happened = [one for one in happened if one[:3] != told]
+            both = (before.number, table.number)  # what is said of it now says all
+            happened = [one for one in happened if one.number not in both]
             happened.append(Happened(t, "moved", before.number, before.shape, table.shape))
             found[k] = table._replace(number=before.number, appeared=False)
     return replace(room, found=tuple(found), gone=tuple(gone)), happened

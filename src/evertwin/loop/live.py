@@ -29,6 +29,7 @@ import numpy as np
 from evertwin.engine import Engine, InProcess
 from evertwin.errors import DataError
 from evertwin.features.confusion_drift import DRIFTED
+from evertwin.features.furniture import FURNISHED
 from evertwin.features.perception import CAUSES
 from evertwin.fold import Block, Chunk, Event
 from evertwin.ledger.begun import Begun
@@ -252,7 +253,8 @@ class Live:
         if self._run is None and self._may_begin():
             self._begin(rate_of(self._waiting))
         if self._run is None:
-            self._untold += [event for event in events if event.kind in (*DRIFTED, *CAUSES)]
+            kept = (*DRIFTED, *CAUSES, *FURNISHED)
+            self._untold += [event for event in events if event.kind in kept]
         else:
             self._step()
             events, self._untold = (*self._untold, *events), []

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 DECISIONS = (
     "promoted", "rolled_back", "superseded", "corrected", "changed", "external", "recurring",
     "leapt", "not_judged", "state", "training_restarted", "model_failed", "pinned", "configured",
-    "drift", "unknown", "alternates",
+    "drift", "unknown", "alternates", "table_moved", "table_gone",
 )  # fmt: skip
 """Kinds of event that a person reads first."""
 DATED = 3 * 10**17

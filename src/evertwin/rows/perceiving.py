@@ -23,7 +23,8 @@ import numpy as np
 from evertwin.config import TwinSpec, place
 from evertwin.config.spec import PerceptionSpec
 from evertwin.errors import ConfigError, DataError
-from evertwin.features.perception import Perception, PerceptionState, Placed
+from evertwin.features.perception import Perception, PerceptionState
+from evertwin.features.told import Placed
 from evertwin.fold import Chunk, Event, Out
 from evertwin.signals.units import conversion_of
 from evertwin.sources.scans import Lidar
@@ -43,7 +44,7 @@ def with_pose(spec: TwinSpec, needed: Sequence[str], feeds: Sequence[Feed]) -> t
         return tuple(feeds)  # where the pose is recorded it is no longer made
     priors = {*rule.wheels, rule.gyro}
     kept = [one for one in feeds if not priors & {*one.channels} or {*needed} & {*one.channels}]
-    return (*kept, Feed(rule.scan, rule.pose, rule.slack, rule.timeout, framed=True))
+    return (*kept, Feed(rule.scan, rule.channels, rule.slack, rule.timeout, framed=True))
 
 
 @dataclass(frozen=True)
@@ -111,6 +112,7 @@ class Perceiving:
             rule.scan, stated, beams, "wheels" if "wheels" in heard else "",
             "gyro" if "gyro" in heard else "", rule.silent, rule.within, rule.every or 0.0,
             tuple(sorted(what for what in heard if what.startswith(DRIVES))), rule.unit,
+            rule.tables,
         )  # fmt: skip
         aligned = frozenset(one.name for one in brought) - {rule.scan}
         names = {one.name: one.channels for one in feeds}
@@ -172,14 +174,14 @@ class Perceiving:
             yield chunk._replace(source=what, t=t, v=v[:, columns])
 
     def _told(self, out: Out) -> Iterator[Event | Chunk]:
-        """Events, then poses."""
+        """Events, then poses and tables."""
         yield from (one for one in out.records if isinstance(one, Event))
         placed: Placed | None = out.rows
         for k in range(0 if placed is None else len(placed.t)):
             assert placed is not None
             pose = placed.pose[k : k + 1]
             frame = np.where(np.isfinite(pose[:, :1]), placed.segment[k], np.nan)
-            v = np.concatenate([pose, frame], axis=1)
+            v = np.concatenate([pose, placed.tables[k : k + 1], frame], axis=1)
             yield Chunk(self.rule.scan, placed.t[k : k + 1], v, int(placed.task[k]))
 
 

@@ -265,3 +265,52 @@ def test_what_has_a_state_that_is_not_kept_is_refused() -> None:
         MuJoCo.from_text("<mujoco><worldbody/></mujoco>")
     with pytest.raises(ModelError, match="expected a time step"):
         pendulum(timestep=0.0)
+
+
+AMONG = """<mujoco><option timestep="0.005"/><worldbody><body name="cart" pos="0 0 .1">
+<joint name="way" type="slide" axis="1 0 0"/><geom type="cylinder" size=".2 .1" mass="20"/></body>
+</worldbody><actuator><velocity name="v" joint="way" kv="200" forcerange="-40 40"/></actuator>
+</mujoco>"""
+
+
+def before_a_table(rows: int, away: float = 2.0) -> np.ndarray:
+    """The cart is driven on; a leg of a table stands on its way."""
+    table = [away + 0.5 - 0.03, 0.3 - 0.03, 0.0, 1.0, 0.6, 0.03]
+    return np.tile([0.3, *table, *np.zeros(6)], (rows, 1))
+
+
+def test_tables_that_are_inputs_stop_what_is_driven_at_them() -> None:
+    model = MuJoCo.from_text(AMONG, tables=2, outputs=["way.pos"], plate={"height": "60 cm"})
+    check_model(model)
+    assert model.inputs.names[:3] == ("v", "table1.x", "table1.y") and len(model.inputs) == 13
+    p, dt = model.parameters.values, np.full(120, 0.1)
+    at_leg = model.simulate(model.initial(p), before_a_table(120), dt, p)[1]
+    assert at_leg[-1, 0] == pytest.approx(2.0 - 0.03 - 0.2, abs=0.01)
+    solid = MuJoCo.from_text(AMONG, tables=2, outputs=["way.pos"], plate={"solid": True})
+    assert solid.simulate(solid.initial(p), before_a_table(120), dt, p)[1][-1, 0] < 2.0 - 0.2
+    gone = before_a_table(120)
+    gone[60:, 1:] = 0.0  # while the cart is on its way
+    assert model.simulate(model.initial(p), gone, dt, p)[1][-1, 0] > 3.0
+
+
+def test_where_rows_are_cut_does_not_matter_among_tables() -> None:
+    model = MuJoCo.from_text(AMONG, tables=2)
+    u, p, dt = before_a_table(90), model.parameters.values, np.full(90, 0.1)
+    u[40:, 1] -= 0.3
+    u[55:, 4] = 0.0
+    x, whole = model.simulate(model.initial(p), u, dt, p)
+    state, parts = model.initial(p), []
+    for a, b in ((0, 7), (7, 41), (41, 42), (42, 90)):
+        state, y = model.simulate(state, u[a:b], dt[a:b], p)
+        parts.append(y)
+    assert np.concatenate(parts).tobytes() == whole.tobytes() and state.tobytes() == x.tobytes()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [({"tables": 40}, "tables: expected 0 to 32"), ({"tables": "two"}, "tables: expected 0 to 32"),
+     ({"tables": 1, "plate": {"hight": 1}}, "did you mean 'height'")],
+)  # fmt: skip
+def test_tables_that_do_not_fit_are_refused(options: dict[str, Any], message: str) -> None:
+    with pytest.raises(UsageError, match=message):
+        MuJoCo.from_text(AMONG, **options)

@@ -117,7 +117,9 @@ class FromFile(ABC):
 
     def __getstate__(self) -> dict[str, Any]:
         """Without the engines: they belong to this process."""
-        return {key: value for key, value in self.__dict__.items() if key != "_engines"}
+        return {
+            key: value for key, value in self.__dict__.items() if key not in ("_engines", "_rooms")
+        }
 
     @cached_property
     def _engines(self) -> EnginePool:

@@ -5,6 +5,11 @@ free joint has ``x y z qw qx qy qz`` and ``vx … wz``, a ball its quaternion an
 Inputs are the actuators by name, or where there is none the joint torques ``elbow.torque``
 (``elbow.force`` where it slides). Outputs are the sensors by name (``force.x`` where one has
 several numbers), or where there is none all positions and velocities.
+
+With the option ``tables`` so many places for tables on legs follow among the inputs: ``table1.x
+.y .heading`` in the world, ``.length .width`` around the legs, ``.leg``, a leg's radius; a length
+of 0 says that none stands there. ``plate`` says the rest: ``height`` (0.72 m) of its upper side,
+``overhang`` (0 m), ``solid`` (false: legs; true: a box down to the floor).
 """
 
 from __future__ import annotations

@@ -14,6 +14,7 @@ Todorov, Erez, Tassa, "MuJoCo: A physics engine for model-based control" (2012).
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import mujoco
@@ -22,6 +23,7 @@ from mujoco import _rollout
 
 from evertwin.errors import ModelError
 from evertwin.models.mujoco.guard import Source
+from evertwin.models.table_bodies import Part
 from evertwin.types import Float64, StateVector
 
 LARGEST_VALUE = 1e10
@@ -65,8 +67,9 @@ def steps_of(dt: float, step: float) -> Steps:
 
 
 def compiled(
-    source: Source, timestep: float | None = None, contact: bool = True, shifts: bool = False
-) -> Any:
+    source: Source, timestep: float | None = None, contact: bool = True, shifts: bool = False,
+    tables: Iterable[tuple[Sequence[float], Iterable[Part]]] = (),
+) -> Any:  # fmt: skip
     """The compiled model of a checked source.
 
     Args:
@@ -74,6 +77,7 @@ def compiled(
         timestep: in place of the model's own [s].
         contact: may bodies touch?
         shifts: may centres of mass be moved later?
+        tables: pose [m, m, rad] and pieces of those that stand around it.
 
     Raises:
         ModelError: MuJoCo refuses it (with its reason), or it holds what is not simulated here.
@@ -83,6 +87,8 @@ def compiled(
     quiet.set()
     try:
         spec = mujoco.MjSpec.from_string(source.text, assets=dict(source.assets))
+        for pose, pieces in tables:
+            _stand(spec.worldbody, pose, pieces)
         model = spec.compile()
         if shifts:
             model = _generic(spec, model)
@@ -106,6 +112,15 @@ def compiled(
     if not contact:
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
     return model
+
+
+def _stand(world: Any, pose: Sequence[float], pieces: Iterable[Part]) -> None:
+    """A table that does not move."""
+    x, y, turn = (float(one) for one in pose)
+    body = world.add_body(pos=[x, y, 0.0], quat=[math.cos(turn / 2), 0, 0, math.sin(turn / 2)])
+    for kind, at, size in pieces:
+        shape = mujoco.mjtGeom.mjGEOM_BOX if kind == "box" else mujoco.mjtGeom.mjGEOM_CYLINDER
+        body.add_geom(type=shape, pos=at, size=[*size, 0.0][:3])
 
 
 def _generic(spec: Any, model: Any) -> Any:

@@ -30,7 +30,7 @@ so friction losses, damping, springs and joint limits count; the torque is what 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -50,7 +50,9 @@ from evertwin.models.mujoco.channels import Output, controls, outputs, states
 from evertwin.models.mujoco.engine import Engine, Steps, steps_of
 from evertwin.models.mujoco.guard import Source
 from evertwin.models.mujoco.knobs import DEFAULT, parameters_of, tunable
+from evertwin.models.mujoco.rooms import Rooms, stretches_of
 from evertwin.models.rollout import sized
+from evertwin.models.table_bodies import MOST_TABLES, UNITS, Plate, table_channels
 from evertwin.settings.quantity import in_unit
 from evertwin.signals.channels import Channel, Layout
 from evertwin.types import (
@@ -82,18 +84,23 @@ class MuJoCo(FromFile):
     states: Layout
     start: tuple[float, ...]
     """State before the first row: the model's own, or a keyframe's."""
+    plate: Plate = Plate()
+    """Of the tables that are inputs."""
 
     @classmethod
     def built(cls, source: Source, **options: Any) -> Self:
         """Options: ``parameters`` (patterns of names, `evertwin.models.mujoco.knobs`), ``inputs``,
         ``outputs`` (names, `evertwin.models.mujoco.channels`), ``keyframe`` (start state),
-        ``timestep`` [s], ``contact`` (true), ``threads``.
+        ``timestep`` [s], ``contact`` (true), ``threads``; ``tables``: for how many its inputs have
+        places (`evertwin.models.table_bodies`), with ``plate`` (``height``, ``overhang``,
+        ``solid``).
 
         Raises:
             ModelError: MuJoCo refuses the source.
             UsageError: an option does not fit the model.
         """
-        known = {"parameters", "inputs", "outputs", "keyframe", "timestep", "contact", "threads"}
+        known = {"parameters", "inputs", "outputs", "keyframe", "timestep", "contact", "threads",
+                 "tables", "plate"}  # fmt: skip
         check_options("mujoco", options, known)
         patterns = tuple(options.get("parameters", DEFAULT))
         said = options.get("timestep")
@@ -104,11 +111,17 @@ class MuJoCo(FromFile):
         if all(output.kept for output in found):
             model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
         driven, inputs = _driven(model, options.get("inputs"))
+        inputs = Layout((*inputs.channels, *_places(options.get("tables", 0))))
         return cls(
             source, model, knobs, inputs, Layout(tuple(output.channel for output in found)),
             parameters_of(model, knobs, source.where), int(options.get("threads", 0)),
             found, driven, states(model), _start(model, options.get("keyframe")),
+            _plate(options.get("plate", {})),
         )  # fmt: skip
+
+    @cached_property
+    def _rooms(self) -> Rooms:
+        return Rooms(self.source, self.compiled, self.knobs, self.plate, self.threads)
 
     @cached_property
     def _adopts(self) -> list[tuple[int, int]]:
@@ -166,21 +179,32 @@ class MuJoCo(FromFile):
         return out
 
     def _roll(self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector) -> Rollout:
+        """Rows in stretches between which no table changes."""
+        if not (np.isfinite(p).all() and np.isfinite(x).all()):
+            return np.array(x), np.full((len(u), len(self.outputs)), np.nan)
+        tables = u[:, len(self.driven) :]
+        if not tables.size:
+            with self._engines.engine(p) as engine:
+                return self._in_room(engine, x, u, dt)
+        out = np.full((len(u), len(self.outputs)), np.nan)
+        for a, b in stretches_of(np.nan_to_num(tables)):
+            with self._rooms.engines(np.nan_to_num(tables[a])).engine(p) as engine:
+                x, out[a:b] = self._in_room(engine, x, u[a:b], dt[a:b])
+        return x, out
+
+    def _in_room(self, engine: Engine, x: StateVector, u: Inputs, dt: Intervals) -> Rollout:
         """Rows in stretches of equal duration."""
         out = np.full((len(u), len(self.outputs)), np.nan)
         control = np.zeros((len(u), self.compiled.nu + self.compiled.nv))
-        control[:, list(self.driven)] = u
+        control[:, list(self.driven)] = u[:, : len(self.driven)]
         able = np.isfinite(u).all(axis=1) & np.isfinite(dt)
-        if not (np.isfinite(p).all() and np.isfinite(x).all()):
-            return np.array(x), out
-        with self._engines.engine(p) as engine:
-            for a, b, steps in _stretches(dt, able, float(self.compiled.opt.timestep)):
-                rows = slice(a, b)
-                if steps.number == 0:
-                    states = np.broadcast_to(x, (b - a, len(x)))
-                else:
-                    x, states = engine.run(x, control[rows], steps)
-                out[rows] = self._outputs(engine, states, control[rows])
+        for a, b, steps in _stretches(dt, able, float(self.compiled.opt.timestep)):
+            rows = slice(a, b)
+            if steps.number == 0:
+                states = np.broadcast_to(x, (b - a, len(x)))
+            else:
+                x, states = engine.run(x, control[rows], steps)
+            out[rows] = self._outputs(engine, states, control[rows])
         return x, out
 
     def _outputs(self, engine: Engine, states: Any, control: Any) -> Outputs:
@@ -210,6 +234,21 @@ def _driven(model: Any, names: Sequence[str] | None) -> tuple[tuple[int, ...], L
         first, last = (0, model.nu) if model.nu else (0, model.nv)
         return tuple(range(first, last)), Layout(every.channels[first:last])
     return tuple(every.index(name) for name in names), every.select(names)
+
+
+def _places(tables: object) -> Iterator[Channel]:
+    """Inputs that say where tables stand."""
+    if not isinstance(tables, int) or not 0 <= tables <= MOST_TABLES:
+        raise UsageError(f"tables: expected 0 to {MOST_TABLES} places, got {tables!r}")
+    for name in table_channels(tables):
+        yield Channel(name, UNITS[name.partition(".")[2]])
+
+
+def _plate(said: Mapping[str, Any]) -> Plate:
+    check_options("mujoco: plate", said, Plate._fields)
+    numbers = {name: in_unit(name, said[name], "m") for name in ("height", "overhang")
+               if name in said}  # fmt: skip
+    return Plate(**numbers, solid=bool(said.get("solid", False)))
 
 
 def _start(model: Any, keyframe: str | None) -> tuple[float, ...]:

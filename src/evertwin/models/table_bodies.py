@@ -6,11 +6,17 @@ over the legs. A machine that fits under the plate then meets the legs, a higher
 >>> text = bodies([("table1", np.array([1.0, 2.0, 0.0, 1.2, 0.7]), 0.03)], Plate())
 >>> text.count("cylinder"), text.count('type="box"')
 (4, 1)
+
+A model that takes tables as its inputs has six numbers for each place where one may stand; a length
+of 0 says that none does.
+
+>>> table_channels(2)[5:7]
+('table1.leg', 'table2.x')
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +27,10 @@ from evertwin.types import Float64
 THICK = 0.03
 """Of a plate [m]."""
 SIDES = ((1, 1), (-1, 1), (-1, -1), (1, -1))
+MOST_TABLES = 32
+"""Places for tables at most."""
+UNITS = {"x": "m", "y": "m", "heading": "rad", "length": "m", "width": "m", "leg": "m"}
+"""Numbers of a table and their units: length and width are around the legs, ``leg`` is a radius."""
 
 
 class Plate(NamedTuple):
@@ -38,6 +48,37 @@ class Plate(NamedTuple):
     """A box down to the floor in place of legs and plate."""
 
 
+class Part(NamedTuple):
+    """A piece of a table.
+
+    >>> next(parts(np.array([0.0, 0.0, 0.0, 1.2, 0.7]), 0.03, Plate())).kind
+    'cylinder'
+    """
+
+    kind: str
+    """``cylinder`` or ``box``."""
+    at: tuple[float, float, float]
+    """Its middle on the table [m]."""
+    size: tuple[float, ...]
+    """Radius and half height, or half of each side [m]."""
+
+
+def table_channels(places: int) -> tuple[str, ...]:
+    """Names of the numbers of so many tables."""
+    return tuple(f"table{k + 1}.{name}" for k in range(places) for name in UNITS)
+
+
+def parts(shape: Float64[np.ndarray, " 5"], radius: float, plate: Plate) -> Iterator[Part]:
+    """The pieces of a table of a shape (x, y, heading, length, width around the legs)."""
+    thick = plate.height if plate.solid else THICK
+    under = 0.5 * (plate.height - THICK)
+    u, v = (float(0.5 * one - radius) for one in shape[3:])
+    for side, across in () if plate.solid else SIDES:
+        yield Part("cylinder", (side * u, across * v, under), (radius, under))
+    half = (float(0.5 * one + plate.overhang) for one in shape[3:])
+    yield Part("box", (0.0, 0.0, plate.height - 0.5 * thick), (*half, 0.5 * thick))
+
+
 def bodies(
     tables: Iterable[tuple[str, Float64[np.ndarray, " 5"], float]], plate: Plate,
     origin: Float64[np.ndarray, " 3"] | None = None,
@@ -53,23 +94,12 @@ def bodies(
     for name, shape, radius in tables:
         pose = shape[:3] if origin is None else compose(origin, shape[:3])
         x, y, turn = (float(one) for one in pose)
-        half = 0.5 * shape[3:] + plate.overhang
         lines.append(
             f'    <body name="{name}" pos="{x:.4f} {y:.4f} 0" '
             f'quat="{np.cos(turn / 2):.6f} 0 0 {np.sin(turn / 2):.6f}">'
         )
-        thick = plate.height if plate.solid else THICK
-        legs = () if plate.solid else SIDES
-        under = 0.5 * (plate.height - THICK)
-        for side, across in legs:
-            u, v = (0.5 * one - radius for one in shape[3:])
-            lines.append(
-                f'      <geom type="cylinder" pos="{side * u:.4f} {across * v:.4f} {under:.4f}" '
-                f'size="{radius:.4f} {under:.4f}"/>'
-            )
-        lines.append(
-            f'      <geom type="box" pos="0 0 {plate.height - 0.5 * thick:.4f}" '
-            f'size="{half[0]:.4f} {half[1]:.4f} {0.5 * thick:.4f}"/>'
-        )
+        for kind, at, size in parts(shape, radius, plate):
+            pos, sizes = (" ".join(f"{one:.4f}" for one in some) for some in (at, size))
+            lines.append(f'      <geom type="{kind}" pos="{pos}" size="{sizes}"/>')
         lines.append("    </body>")
     return "\n".join([*lines, "  </worldbody>", "</mujoco>", ""])
