@@ -37,8 +37,9 @@ from evertwin.setup.twin_state import PROBATION, TRIAL, WATCH, TwinState
 FEW, LONG = 5, 10
 """Segments that a challenger of a long trial predicts at least before a better one is sought; a
 trial is long that takes more than so many times the least time of any."""
-PATIENT = 4
-"""So many pauses from one fit to the next while a channel is in doubt."""
+PATIENT = WAITED = 4
+"""So many pauses from one fit to the next while a channel is in doubt, and the part of the time
+waited that goes by before rows that told nothing are asked again."""
 
 
 @dataclass(frozen=True)
@@ -308,7 +309,8 @@ class Decide:
         elif agenda.kind == "state":
             decision.remember(**in_vain(setup, decision.state))
         elif agenda.kind != "refine":
-            pause = setup.latency if waits else setup.holdoff
+            again = max(setup.latency, (decision.state.row - agenda.again) // WAITED)
+            pause = again if waits else setup.holdoff
             if decision.state.agenda.doubt:  # all that is asked of it is whether it is over
                 pause *= PATIENT
             decision.remember(hold=decision.state.row + pause)
@@ -358,8 +360,7 @@ class Decide:
             reason = f"version {number} is not better on unseen data: {evidence['sentence']}"
             decision.say("rejected", "", reason, {**evidence, "version": number})
             decision.state = decision.state._replace(other=EMPTY)
-            hold = state.row + self.follow.setup.holdoff
-            decision.remember(phase=WATCH, hold=hold, brief=-1.0)
+            decision.remember(phase=WATCH, hold=state.row + self.follow.setup.holdoff, brief=-1.0)
 
     def _promote(self, decision: Decision, evidence: Mapping[str, Any]) -> None:
         state, shown = decision.state, evidence["sentence"]
@@ -395,5 +396,4 @@ class Decide:
             decision.state = decision.state._replace(lives=without_newest(state.lives))
             past = versions[old].row < state.agenda.since
             since = state.scores.rows if past else state.agenda.since
-            hold = state.row + self.follow.setup.holdoff
-            decision.remember(phase=WATCH, hold=hold, since=since)
+            decision.remember(phase=WATCH, hold=state.row + self.follow.setup.holdoff, since=since)

@@ -12,7 +12,8 @@ from evertwin.anomaly.verdict import Verdict
 from evertwin.errors import DataError, ModelError, TooFew
 from evertwin.fold import Windows
 from evertwin.gauges.change import changed, split
-from evertwin.gauges.gauge_rows import Rows
+from evertwin.gauges.gauge_rows import Rows, residual
+from evertwin.gauges.one_command import Alone, one_command
 from evertwin.gauges.settled import settled
 from evertwin.ledger.versions import Versions
 from evertwin.models import Model
@@ -41,7 +42,7 @@ FIRST = (1.0, 0.5, 0.25, 0.125)
 ENOUGH = 10
 """Rows a parameter behind a change that a fit needs."""
 LEAST = 30
-"""Rows that tell where a state began."""
+"""Rows that tell where a state began, or that another command tells otherwise."""
 
 
 @dataclass(frozen=True)
@@ -128,7 +129,18 @@ class Tuner:
         rows = sum(len(block.t) for block in new)
         if rows < ENOUGH * len(names):
             raise TooFew(f"the machine has changed, {rows} rows ago")
+        if rows < self.setup.enough and (alone := self.at_one_command(version, near, place)):
+            if alone.others < LEAST:
+                raise TooFew(f"it has been off for {rows} rows, at one command alone")
+            return windows, []
         return new, [changed_since(new)]
+
+    def at_one_command(self, version: Version, windows: Windows, place: int) -> Alone | None:
+        """The one command, if it is one, that a version is off at from a place on."""
+        problem = self.problem(version, windows, self.editable(version))
+        off = residual(problem, problem.start)[place:]
+        size = self.setup.requirement * self.setup.sizes(problem.rows.y)
+        return one_command(problem.rows.u, place, np.nansum(np.square(off / size), axis=1))
 
     def follows(self, version: Version, worse: Version, rows: Windows) -> bool:
         """Does a version take away nearly all of another one's deviation?"""

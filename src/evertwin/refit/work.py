@@ -326,7 +326,9 @@ class Work(Tuner):
                 return of_a_sensor(other)
         if task.held and names and not task.rose:
             new = suddenly(windows, lambda rows: self.problem(version, rows, names))
-            if sum(len(block.t) for block in new) >= ENOUGH * len(names):
+            count, whole = (sum(len(b.t) for b in rows) for rows in (new, windows))
+            sudden = count >= ENOUGH * len(names)
+            if sudden and not self.at_one_command(version, windows, whole - count):
                 content = self._corrected(version, new)
                 if content["candidate"]:
                     both = content, self._corrected(version, windows)
