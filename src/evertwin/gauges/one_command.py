@@ -31,11 +31,11 @@ class Alone(NamedTuple):
     """
 
     others: int
-    """Rows behind it, with other commands."""
+    """Rows behind it, with other commands, which are no smaller: at rest nothing shows."""
 
 
 def one_command(u: Inputs, since: int, squares: Vector) -> Alone | None:
-    """The command that nearly all of it is of; None: it is of several, or no input holds a value.
+    """The command that nearly all of it is of; None: it is of several, or an input holds no value.
 
     Args:
         u: inputs of all rows, (n, nu).
@@ -43,10 +43,17 @@ def one_command(u: Inputs, since: int, squares: Vector) -> Alone | None:
         squares: of what it is off by from there on, (n − since,).
     """
     same = u[1:] == u[:-1]
-    steps = (same.mean(axis=0) > HELD) & ~same.all(axis=0)
-    run = np.concatenate([[0], np.cumsum(~same[since:, steps].all(axis=1))])
+    varies = ~same.all(axis=0)
+    if not varies.any() or (same.mean(axis=0) <= HELD)[varies].any():
+        return None
+    told = np.abs(u[since:, varies])
+    run = np.concatenate([[0], np.cumsum(~same[since:, varies].all(axis=1))])
     sums = np.bincount(run, np.nan_to_num(squares))
     worst = int(np.argmax(sums))
-    if not steps.any() or sums[worst] <= NEARLY_ALL * sums.sum():
-        return None
-    return Alone(int(np.count_nonzero(run > worst)))
+    at = told[np.flatnonzero(run == worst)[0]]
+    large = (told >= np.where(at > 0.0, at, np.inf)) if at.any() else told > 0.0
+    others = (run > worst) & large.any(axis=1)
+    usual = np.mean(np.nan_to_num(squares[run == worst]))
+    quiet = np.nansum(squares[others]) <= (1.0 - NEARLY_ALL) * usual * np.count_nonzero(others)
+    alone = sums[worst] > NEARLY_ALL * sums.sum() and quiet
+    return Alone(int(np.count_nonzero(others))) if alone else None
