@@ -6,9 +6,13 @@ import numpy as np
 import pytest
 
 from evertwin.fold import make_block
+from evertwin.gauges.change import split
 from evertwin.gauges.settled import settled
 from evertwin.machines.drive import DriveForce
+from evertwin.machines.mobile import Robot1D
 from evertwin.models import FunctionModel, Parameter, Parameters
+from evertwin.models.corrected import Corrected
+from evertwin.models.form import Term
 from evertwin.signals import Layout
 from evertwin.tuning import Problem
 from evertwin.types import Vector
@@ -63,3 +67,26 @@ def test_a_number_that_ends_on_its_bound_is_not_put_back_where_the_rows_tell_it(
     block = make_block(t=t, u=told[:, None], y=measured)
     fit = settled(Problem(store, (block,), ("gain", "leak"), horizon=1.0))
     assert abs(fit["leak"]) < 0.1 and 1.0 < fit["gain"] < 1.6
+
+
+@first_of("seed", range(5))
+def test_a_slower_drive_behind_a_delay_is_slower_and_no_other_law(seed: int) -> None:
+    """Its gain acts alike before the delay, but for the first rows: both stayed as they were, and
+    a drive that is slower both ways was "0.824 times as fast backwards"."""
+    rng, dt, at = np.random.default_rng(seed), 0.2, 100
+    u = np.repeat(rng.uniform(-0.3, 0.3, 40), 8)[:, None]
+    u[at - 4 : at + 1] = 0.3  # it drives when it becomes slower
+    model = Corrected(Robot1D(), (Term("direction", "v"), Term("lag", "*", levels=(16.0,))))
+    own = {"direction.v.forward": 0.02, "direction.v.backward": 0.05, "lag.delay": 0.45}
+    prior = model.parameters.with_values(own)
+    p, step = prior.values, np.full(len(u), dt)
+    y = model.simulate(model.initial(p), u, step, p)[1]
+    y[at:] = y[at] + 0.82 * (y[at:] - y[at])
+    t = (np.arange(len(u)) * dt * 1e9).astype(np.int64)
+    whole = (make_block(t=t, u=u, y=y + rng.normal(0.0, 1e-3, y.shape)),)
+    names = ("gain", "direction.v.gain", "direction.v.reverse")
+    problem = Problem(model, split(whole, at)[1], names, 1.0, prior=prior, before=whole)
+    fit = settled(problem)
+    assert fit.names == ("gain", "direction.v.reverse")
+    assert fit["gain"] == pytest.approx(0.82, abs=0.01)
+    assert fit["direction.v.reverse"] == pytest.approx(1.0, abs=0.02)

@@ -7,7 +7,7 @@ import pytest
 
 from evertwin.fold import make_block
 from evertwin.machines.mobile import Omni
-from evertwin.refit.told import known
+from evertwin.refit.told import known, weakened
 from evertwin.tuning import Fit, Problem, solve
 
 
@@ -40,3 +40,13 @@ def test_a_recordings_start_is_no_number_that_goes_live() -> None:
     fit = next(one for one in (sideways(seed, 1e-4) for seed in range(20)) if one["side_gain"] != 1)
     rest = known(fit, ("side_gain",))
     assert rest is not None and not rest.names
+
+
+def test_what_is_refuted_where_it_was_is_weak_and_the_rest_as_told() -> None:
+    fit = next(one for one in (sideways(seed, 1e-4) for seed in range(20)) if one["side_gain"] != 1)
+    rest = known(fit, ("gain", "side_gain"))
+    assert rest is not None
+    found = weakened(fit, rest)
+    assert known(found, ("gain", "side_gain")) is None
+    assert found.verdict == (fit.verdict[0], "weak")
+    assert found.reasons[1].endswith("no more is told of it than that it is not as before")

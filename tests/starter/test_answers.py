@@ -35,7 +35,7 @@ def written(file: Path, *said: str) -> str:
 def test_times_and_requirement_rest_on_an_answer(recording: Path) -> None:
     asked, told = written(recording), written(recording, "log.rate=10 Hz")
     assert 'rate = "?"' in asked and "= 0.05  # a share" not in told
-    assert 'rate = "10 Hz"' in told and 'horizon = "1 s"' in told
+    assert 'time = { rate = "10 Hz" }\n' in told and 'horizon = "1 s"' in told
     spec = read(recording.parent / "twin.toml")
     assert spec.anomaly.requirement < 0.5 and not spec.anomaly.relative
 

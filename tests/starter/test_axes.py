@@ -211,3 +211,18 @@ def test_what_a_motor_draws_drives_the_axis(
     out, _ = proposed(path, kind, capsys)
     name = heading.partition(" [")[0]
     assert re.search(rf'^force = {{ column = "{name}', out.read_text(), re.MULTILINE)
+
+
+@pytest.mark.parametrize("turns", [False, True])
+def test_numbers_start_from_the_recording_where_it_says_the_place_alone(
+    written: Written, capsys: pytest.CaptureFixture[str], turns: bool
+) -> None:
+    """A mass of 1 kg without friction was what a twin of an axis of 20 kg began with."""
+    angle = (20.0 * PLACE + np.pi) % (2.0 * np.pi) - np.pi  # 20 rad a metre, so 1/20 of the force
+    place = {"Istwinkel [rad]": angle} if turns else {"Istposition [mm]": 1e3 * PLACE}
+    pushed = {"Drehmoment [Nm]": FORCE / 20.0} if turns else {"Kraft [N]": FORCE}
+    path, _ = proposed(written({**place, **pushed, "k7": np.cos(9.0 * T)}), "", capsys)
+    found = read(path).model.parameters
+    inertia, scale = ("inertia", 400.0) if turns else ("mass", 1.0)
+    assert found[inertia].value == pytest.approx(20.0 / scale, rel=0.1)
+    assert found["Fc"].value == pytest.approx(8.0 / (20.0 if turns else 1.0), rel=0.2)

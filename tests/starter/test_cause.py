@@ -50,3 +50,14 @@ def test_a_current_makes_the_torque_and_not_the_voltage_beside_it(tmp_path: Path
     model = machine("drive_force", {"law": "sign+direction", "rotary": True})
     found = {m.channel: m.column for m in mapped(model, seen).matches}
     assert found["torque"] == "I"
+
+
+def test_what_flows_in_drives_whatever_answers(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    flow, t = np.repeat(rng.uniform(1.0, 2.0, 10), 30), np.arange(300.0)
+    table = np.column_stack([t, np.cumsum(flow), flow, np.sqrt(t)])
+    file = tmp_path / "run.csv"
+    head = "t [s],level [cm],inflow [l/min],level_lower [cm]"
+    np.savetxt(file, table, delimiter=",", header=head, comments="")
+    found = {m.channel: m.column for m in mapped(None, look([file])[0]).matches}
+    assert found == {"u": "inflow", "y": "?"}

@@ -56,6 +56,8 @@ DRIVEN = {
 WAYS = {
     "time_s,cmd_speed_mm_s,carriage_pos_mm": "robot1d v=cmd_speed_mm_s x=carriage_pos_mm",
     "t;Sollgeschwindigkeit [m/s];Istposition [m]": "robot1d v=Sollgeschwindigkeit x=Istposition",
+    "t,v_cmd_m_s,oil_temp_degC,hook_height_m": "robot1d v=v_cmd_m_s x=hook_height_m",
+    "t,v_cmd_m_s,push_torque_Nm,lift_force_N,hook_height_m": "python",
     "time_s,speed_mm_s,carriage_pos_mm": "python",
 }  # fmt: skip
 MOVED = {

@@ -77,3 +77,18 @@ def test_a_rate_of_which_nobody_knows_what_turns_is_asked(tmp_path: Path) -> Non
     shaft = Layout((Channel("speed", "rad/s"), Channel("torque", "Nm")))
     found = {m.channel: m for m in matched(shaft, look([path])[0])}
     assert found["speed"].scale == "?"
+
+
+@pytest.mark.parametrize("faulty", [9999.0, "mm"])
+def test_a_few_rows_beyond_all_others_say_nothing_of_the_unit(
+    tmp_path: Path, faulty: float | str
+) -> None:
+    """20 s of a map in mm, in 10 min in m, had all of them read in mm."""
+    path = tmp_path / "run.csv"
+    place = [2.0 + 0.001 * i for i in range(600)]
+    for i in range(300, 320):
+        place[i] = 1000.0 * place[i] if isinstance(faulty, str) else faulty
+    lines = [f"{i},{x}" for i, x in enumerate(place)]
+    path.write_text("\n".join(["t [s],pose.x", *lines]) + "\n")
+    (found,) = matched(Layout((Channel("x", "m"),)), look([path])[0])
+    assert found.unit == "m"

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from evertwin import Twin
 from evertwin.app.starting import write_starter
 from evertwin.config import read
 from evertwin.config.spec import TwinSpec
@@ -90,3 +91,22 @@ def test_a_change_is_told_named_and_learned(
 ) -> None:
     found = looked(drawn(seed), tmp_path)
     assert found.told < 0.05 and found.named and found.learned
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_heater_that_takes_its_heat_at_once_is_no_slow_one(seed: int, tmp_path: Path) -> None:
+    """How fast it does no row tells beyond some rate: it stayed as slow as it was described, the
+    one candidate was no better, and the change of the oven was not told."""
+    rng = np.random.default_rng(seed)
+    rows, step, slow = 2500, 5.0, rng.uniform(3000.0, 6000.0)
+    duty = np.repeat(rng.choice([0.0, 0.3, 0.6, 1.0], rows // 60 + 1), 60)[:rows]
+    warm = np.full(rows, 20.0)
+    for k in range(1, rows):
+        warm[k] = warm[k - 1] + step * (100.0 * duty[k - 1] - (warm[k - 1] - 20.0)) / slow
+    noisy = (column + rng.normal(0.0, 0.1, rows) for column in (np.full(rows, 20.0), warm))
+    columns = np.column_stack([step * np.arange(rows), 100.0 * duty, *noisy])
+    heading = "time [s],heater [%],ambient [degC],oven temp [degC]"
+    proposed(Machine(heading, columns, step, rows, 1.0), tmp_path)
+    with Twin.open(tmp_path / "new.toml") as twin:
+        result = twin.run([tmp_path / "run.csv"])
+    assert result.of_kind("promoted")

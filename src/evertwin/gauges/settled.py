@@ -12,6 +12,7 @@ from evertwin.tuning.collinear import leaning_on
 from evertwin.tuning.identifiability import WEAK
 
 NOT_TOLD = "no row tells them"
+THE_SAME = "what stands for them tells the same"
 
 CLEARLY = 1.2
 """Times the deviation that noise may leave more, of a number that the rows do not tell."""
@@ -33,34 +34,34 @@ def settled(problem: Problem) -> Fit:
     fit = solve(problem)
     if len(problem.model.states) or any("collinear" in why for why in fit.reasons):
         fit = told_apart(problem, fit)
-    for stays, why in (
-        (_superseded(problem, fit), "the correction tells the same"),
-        (_untouched(fit), NOT_TOLD),
-    ):
-        if stays:
-            found = solve(problem.tuning(tuple(n for n in fit.names if n not in stays)))
-            if _worse(fit, found):  # where they were, the rows tell them
-                return fit
-            if why == NOT_TOLD:
-                found = leaning_on(problem, fit, found, stays)
-            return replace(found, message=f"{found.message}; {', '.join(stays)} as before: {why}")
+    alike = _alike(problem, fit)
+    why, choices = (THE_SAME, alike) if alike else (NOT_TOLD, (_untouched(fit),))
+    for stays in filter(None, choices):
+        found = solve(problem.tuning(tuple(n for n in fit.names if n not in stays)))
+        if clearly_worse(fit, found):  # where they were, the rows tell them
+            continue
+        if why == NOT_TOLD:
+            found = leaning_on(problem, fit, found, stays)
+        return replace(found, message=f"{found.message}; {', '.join(stays)} as before: {why}")
     return fit
 
 
-def _worse(fit: Fit, found: Fit) -> bool:
-    """Does an output fit clearly worse by ``found``?"""
+def clearly_worse(fit: Fit, found: Fit) -> bool:
+    """Does an output fit clearly worse by ``found``: do rows tell what it leaves as it was?"""
     pairs = zip(fit.residuals, found.residuals, strict=True)
     return any(b.rms_after > CLEARLY * a.rms_after for a, b in pairs)
 
 
-def _superseded(problem: Problem, fit: Fit) -> tuple[str, ...]:
-    """The model's numbers that no row tells from a correction's, which has taken their place."""
+def _alike(problem: Problem, fit: Fit) -> tuple[tuple[str, ...], ...]:
+    """The model's numbers that no row tells from a correction's, which has taken their place; else
+    those of the correction: behind a lag a machine changes at once, before it does not."""
     if not isinstance(problem.model, Corrected):
         return ()
     base = problem.model.model.parameters.names
     alike = [n for n, why in zip(fit.names, fit.reasons, strict=True) if "collinear" in why]
-    stays = tuple(name for name in alike if name in base)
-    return stays if len(stays) < len(alike) else ()
+    own = tuple(name for name in alike if name in base)
+    others = tuple(name for name in alike if name not in base)
+    return (own, others) if own and others else ()
 
 
 def _untouched(fit: Fit) -> tuple[str, ...]:

@@ -1,4 +1,5 @@
-"""Numbers of a fit whose interval is a multiple of their size: these never go live."""
+"""Numbers of a fit whose interval is a multiple of their size: these go live only where the rows
+refute what they were, as weak ones."""
 
 from __future__ import annotations
 
@@ -6,12 +7,15 @@ from collections.abc import Container
 from typing import NamedTuple
 
 from evertwin.tuning import Fit
+from evertwin.tuning.fit import Amend
+
+REFUTED = "no more is told of it than that it is not as before"
 
 
 class Told(NamedTuple):
     """What is left to tune.
 
-    >>> Told((), "").names
+    >>> Told((), "", ()).names
     ()
     """
 
@@ -19,6 +23,8 @@ class Told(NamedTuple):
     """The other numbers; none where none of the version's is left."""
     why: str
     """Which stay where they are, and why."""
+    loose: tuple[str, ...]
+    """Which these are."""
 
 
 def known(fit: Fit, own: Container[str]) -> Told | None:
@@ -39,4 +45,9 @@ def known(fit: Fit, own: Container[str]) -> Told | None:
     names = tuple(name for name in fit.names if name not in loose)
     said = ", ".join(f"{name}: {why}" for name, why in loose.items())
     left = names if any(name in own for name in names) else ()
-    return Told(left, f"what the rows do not tell stays as it was ({said})")
+    return Told(left, f"what the rows do not tell stays as it was ({said})", tuple(loose))
+
+
+def weakened(fit: Fit, rest: Told) -> Fit:
+    """The fit in which these numbers are weak: the others leave clearly more where they were."""
+    return fit.amended({fit.names.index(n): Amend(None, "weak", (REFUTED,)) for n in rest.loose})

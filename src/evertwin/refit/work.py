@@ -24,26 +24,15 @@ from evertwin.gauges.change import suddenly
 from evertwin.gauges.gauge import at_once
 from evertwin.gauges.misread import misread
 from evertwin.gauges.refuted import refuted
+from evertwin.gauges.settled import clearly_worse
 from evertwin.gauges.silent import silent
 from evertwin.gauges.stuck import stuck
 from evertwin.ledger.versions import Versions
 from evertwin.machines.friction.resisting import not_physical
 from evertwin.models.form import Form, Version
 from evertwin.models.terms.registry import kind
-from evertwin.refit.answering import (
-    against,
-    event,
-    goes_on,
-    of_a_sensor,
-    undone,
-)
-from evertwin.refit.channels import (
-    caveats,
-    of_a_bias,
-    of_a_channel,
-    of_late_scans,
-    of_what_is_read,
-)
+from evertwin.refit.answering import against, event, goes_on, of_a_sensor, undone
+from evertwin.refit.channels import caveats, of_a_bias, of_a_channel, of_late_scans, of_what_is_read
 from evertwin.refit.correcting import sought
 from evertwin.refit.fewest import fewest
 from evertwin.refit.judgement import judged, numbers_first, of_the_form
@@ -58,7 +47,7 @@ from evertwin.refit.recursive_fit import Recursion
 from evertwin.refit.retold import retold
 from evertwin.refit.simplest import law_now
 from evertwin.refit.states import States, amount
-from evertwin.refit.told import known
+from evertwin.refit.told import known, weakened
 from evertwin.refit.tuner import ENOUGH, Tuner
 from evertwin.refit.workers import setup_of
 from evertwin.setup.at_rest import at_rest
@@ -294,10 +283,12 @@ class Work(Tuner):
         if missed or blind or not fit.converged or not np.any(fit.values != fit.start):
             return None
         if rest := known(fit, version.names):
+            other = self.tune(problem.tuning(rest.names))[:2] if rest.names else None
+            if other and clearly_worse(fit, other[1]):  # whatever they are, they are not as before
+                return self.tuned(version, problem, weakened(fit, rest), windows, events)
             events.append(event("rejected", "", rest.why, {}))
-            if not rest.names:
+            if other is None:
                 return None
-            other = self.tune(problem.tuning(rest.names))[:2]
             pays = explained(other[1], other[1].noise) >= self.setup.trial.margin
             return self.tuned(version, *other, windows, events) if pays else None
         told = [name for name in fit.moved if name.removesuffix(" (weak)") in version.names]

@@ -31,7 +31,7 @@ IN, OUT = {"u", "in", "input"}, {"y", "out", "output"}
 """First words of a heading that name the one or the other."""
 DRIVES = {
     "pump", "valve", "heater", "heating", "fan", "throttle", "servo", "actuator", "drive", "pwm",
-    "duty", "esc", "stimulus", "excitation", "input", *QUANTITIES["voltage"],
+    "duty", "esc", "stimulus", "excitation", "input", "inflow", *QUANTITIES["voltage"],
 }  # fmt: skip
 ANSWERS = {
     "level", "gap", "height", "displacement", "thrust", "response", *QUANTITIES["temperature"],

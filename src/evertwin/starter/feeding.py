@@ -26,3 +26,5 @@ class Source:
     matches: tuple[Match, ...]
     holds: bool = False
     """Are these commands, which hold from one row to the next however far it is?"""
+    answered: bool = False
+    """Is it a person who says how far the rows are apart?"""

@@ -75,12 +75,13 @@ def kind_of(seen: Sequence[Seen]) -> str:
 
 
 def _goes(columns: Sequence[ColumnInfo]) -> bool:
-    """Is there one speed that is told, and one place that goes by it?"""
-    if len(columns) != len(("speed", "place")):
-        return False
-    told = [c for c in columns if role(words(c.name)) == "command" and same_kind(c.unit, "m/s")]
-    places = [c for c in columns if role(words(c.name)) != "command" and same_kind(c.unit, "m")]
-    return len(told) == len(places) == 1
+    """Is there one command, a speed, and one place that goes by it, whatever else is recorded that
+    pushes nothing?"""
+    said = [(words(c.name), c.unit) for c in columns]
+    told = [unit for name, unit in said if role(name) == "command"]
+    places = [unit for name, unit in said if role(name) != "command" and same_kind(unit, "m")]
+    pushed = any(quantity([w for w in name if len(w) > 2], unit) in EFFORTS for name, unit in said)
+    return len(told) == len(places) == 1 and same_kind(told[0], "m/s") and not pushed
 
 
 def _base(seen: Sequence[Seen]) -> str:

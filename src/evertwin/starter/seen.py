@@ -33,6 +33,8 @@ LOST = 0.5
 HELD, UNEVEN = 0.5, 2.0
 """Share of the rows that repeat the one before, and longest step over shortest without the rarest
 twentieths, from which on a table is not sampled: it says what holds until it says more."""
+MOSTLY, BEYOND = 0.9, 100.0
+"""Share of a column's rows, and so many times as far as these reach is another unit, or none."""
 COUNTED = {
     "sample", "samples", "index", "idx", "row", "record", "nr", "no", "number", "seq", "count",
     "counter", "line", "zeile", "point", "unnamed",
@@ -148,7 +150,8 @@ def look(files: Sequence[Path]) -> tuple[tuple[Seen, ...], tuple[Info, ...]]:
                 both = _widened(before.table, table)
                 found[key] = Seen((*before.files, file), both, before.t, before.rows)
             else:
-                found[key] = Seen((file,), table, *_beginning(recording, table))
+                t, rows = _beginning(recording, table)
+                found[key] = Seen((file,), _mostly(table, rows), t, rows)
     if not found:
         names = ", ".join(str(file) for file in files)
         raise DataError(f"{names}: fewer than two complete rows: look with evertwin info")
@@ -193,6 +196,26 @@ def _widened(one: TableInfo, other: TableInfo) -> TableInfo:
         for a, b in pairs
     )
     return replace(one, columns=tuple(columns))
+
+
+def _mostly(table: TableInfo, rows: Float64[np.ndarray, "n columns"]) -> TableInfo:
+    """A table whose columns reach as far as nearly all of their rows do: a sentinel, or a burst in
+    another unit, says nothing of what they are in."""
+    found = {c.name: _reach(c, v) for c, v in zip(_numbers(table), rows.T, strict=True)}
+    columns = (
+        replace(c, low=found[c.name][0], high=found[c.name][1]) if c.name in found else c
+        for c in table.columns
+    )
+    return replace(table, columns=tuple(columns))
+
+
+def _reach(column: ColumnInfo, values: Vector) -> tuple[float, float]:
+    known = values[np.isfinite(values)]
+    most = BEYOND * float(np.quantile(np.abs(known), MOSTLY)) if len(known) else 0.0
+    if not 0.0 < most < max(abs(column.low), abs(column.high)):
+        return column.low, column.high
+    known = known[np.abs(known) <= most]
+    return float(known.min()), float(known.max())
 
 
 def _there(file: Path) -> Path:

@@ -14,6 +14,7 @@ from evertwin.signals import to_si
 from evertwin.starter.foretold import buried
 from evertwin.starter.oscillator_guess import Oscillator, guess_oscillator
 from evertwin.starter.proposal import ASK, Match
+from evertwin.starter.relations import wraps
 from evertwin.starter.seen import Seen
 from evertwin.starter.store_guess import UNKNOWN, Store, guess_store
 from evertwin.types import Vector
@@ -56,8 +57,12 @@ def starts_of(
             values = _box(model, *told)
     elif isinstance(model, Drive | DriveForce):
         effort = (model.inputs if isinstance(model, Drive) else model.outputs).names[0]
+        inertia = model.parameters.names[0]
         if told := _columns(("speed", effort), found, seen):
-            values = _axis(model.parameters.names[0], *told)
+            values = _axis(inertia, *told)
+        elif told := _columns(("position", effort), found, seen):
+            t, position, pushed = told
+            values = _axis(inertia, t, _speed(t, position), pushed)
     numbers = {one.name: one for one in model.parameters}
     return {
         name: (float(f"{value:.3g}"), numbers[name].unit) for name, value in values.items()
@@ -101,6 +106,15 @@ def _axis(inertia: str, t: Vector, speed: Vector, effort: Vector) -> dict[str, f
     scale = np.linalg.norm(table, axis=0) + 1e-300
     mass, coulomb, viscous, _ = np.linalg.lstsq(table / scale, right[stood == 0.0])[0] / scale
     return {inertia: float(mass), "Fc": float(coulomb), "Fv": float(viscous)}
+
+
+def _speed(t: Vector, position: Vector) -> Vector:
+    """How fast it goes where only its place is recorded; an angle may wrap."""
+    known = np.isfinite(t) & np.isfinite(position)
+    out, where = np.full(len(t), np.nan), position[known]
+    if np.count_nonzero(known) > 1:
+        out[known] = np.gradient(np.unwrap(where) if wraps(where) else where, t[known])
+    return out
 
 
 def _columns(

@@ -87,7 +87,9 @@ LETTERS = {
     "f": {"temperature": "degF"}, "m": {"position": "m"}, "w": {"power": "W"},
 }  # fmt: skip
 """A letter that is a unit where the words before it name the quantity that it measures."""
-_PLACES = {"x", "y", "z", "distance", "east", "north", "easting", "northing"}
+_PLACES = {
+    "x", "y", "z", "distance", "east", "north", "easting", "northing", "height", "depth", "stroke",
+}  # fmt: skip
 _POWERS = {"power", "heater", "heating"}
 _RATES = re.compile(r"(?:^|_)(m|l|u)_(min)$|(?:^|_)[ns]?(m)_(3)_(h|s|min)$")
 """Rates in a heading's last words: a minute is no minimum there, the 3 of a volume no number; a

@@ -86,9 +86,10 @@ class Direction(CorrectionTerm):
             starts = (told(n, v, unit, intervals) for n, v in zip(self.steps, values, strict=False))
             ways = zip(starts, ("forwards", "backwards"), strict=True)
             said.append(f"starts {', '.join(f'at {v} {w}' for v, w in ways)} (dead zone)")
-        if gain != 1.0 or not (said or reverse != 1.0 or cap < UNBOUNDED):
+        differs = f"{reverse:.3g}" != "1"
+        if gain != 1.0 or not (said or differs or cap < UNBOUNDED):
             said.append(f"gain {told('gain', gain, '', intervals)}")
-        if reverse != 1.0:
+        if differs:
             said.append(f"{told('reverse', reverse, '', intervals)} times as fast backwards")
         if cap < UNBOUNDED:
             said.append(f"saturation at {told('cap', cap, unit, intervals)}")
