@@ -31,7 +31,7 @@ from evertwin.sync.options import HOT
 from evertwin.sync.predict_loop import predict_row
 from evertwin.sync.run_loop import goes
 from evertwin.sync.track_state import TrackRows
-from evertwin.sync.workspace import Case, Workspace, advance, fill
+from evertwin.sync.workspace import Workspace, advance, case_of, fill
 
 
 @njit(**HOT)
@@ -89,19 +89,8 @@ def run(
     marked, room = np.empty(ny, dtype=np.uint8), np.empty(ny, dtype=np.uint64)
     ahead, other, beyond, expects = np.empty(nx), np.empty(nu), np.empty(nx), np.empty(ny)
     moves, from_here = np.empty(ny), np.empty(nx)
-    case = Case(
-        (borrowed(settings.limits), borrowed(settings.rules), borrowed(settings.sentinels)),
-        (borrowed(state.values), borrowed(state.numbers), borrowed(state.figures)),
-        (borrowed(state.variance), borrowed(state.counts), borrowed(state.warm)),
-        (
-            borrowed(state.ring), borrowed(state.paths), borrowed(state.times),
-            borrowed(state.rows), borrowed(state.expected),
-        ),
-        (borrowed(state.account), borrowed(state.matter)),
-        (borrowed(notes.found), borrowed(notes.detail), borrowed(notes.extent)),
-        (borrowed(room), borrowed(measured), borrowed(predicted), borrowed(take)),
-        borrowed(expects), borrowed(state.x), borrowed(state.beside),
-    )  # fmt: skip
+    sample = borrowed(room), borrowed(measured), borrowed(predicted), borrowed(take)
+    case = case_of(settings, state, notes, sample, borrowed(expects))
     work = Workspace(
         case,
         Block(

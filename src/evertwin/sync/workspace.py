@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 from evertwin.compiled.calls import call
 from evertwin.compiled.functions import njit
+from evertwin.compiled.memory import borrowed
 from evertwin.fold import Block
 from evertwin.sync.options import HOT
 from evertwin.sync.track_state import TrackRows
@@ -16,7 +17,11 @@ from evertwin.sync.track_state import TrackRows
 
 class Case(NamedTuple):
     """What a group's sample is judged by, and the state that may adopt it. Compiling takes as long
-    as what is passed is wide, so that this stands for itself."""
+    as what is passed is wide, so that this stands for itself.
+
+    >>> Case._fields[:3]
+    ('settings', 'memory', 'statistics')
+    """
 
     settings: tuple[Any, ...]
     """Limits, rules and sentinels of `TrackSettings`."""
@@ -40,7 +45,11 @@ class Case(NamedTuple):
 
 
 class Workspace(NamedTuple):
-    """All of one pass over a block."""
+    """All of one pass over a block.
+
+    >>> Workspace._fields[:3]
+    ('case', 'block', 'out')
+    """
 
     case: Case
     block: Block
@@ -68,6 +77,23 @@ class Workspace(NamedTuple):
     """Inputs, state, outputs and another state of a second prediction."""
     moves: Any
     """How far each output is predicted to move."""
+
+
+@njit(**HOT)
+def case_of(settings: Any, state: Any, notes: Any, sample: tuple[Any, ...], expects: Any) -> Case:
+    """What `TrackSettings`, `TrackState` and `Notes` lend, with room for a row."""
+    return Case(
+        (borrowed(settings.limits), borrowed(settings.rules), borrowed(settings.sentinels)),
+        (borrowed(state.values), borrowed(state.numbers), borrowed(state.figures)),
+        (borrowed(state.variance), borrowed(state.counts), borrowed(state.warm)),
+        (
+            borrowed(state.ring), borrowed(state.paths), borrowed(state.times),
+            borrowed(state.rows), borrowed(state.expected),
+        ),
+        (borrowed(state.account), borrowed(state.matter)),
+        (borrowed(notes.found), borrowed(notes.detail), borrowed(notes.extent)),
+        sample, expects, borrowed(state.x), borrowed(state.beside),
+    )  # fmt: skip
 
 
 @njit(**HOT)
