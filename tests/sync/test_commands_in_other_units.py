@@ -8,7 +8,7 @@ import pytest
 from evertwin.fold import Block, fold, make_block
 from evertwin.machines.mobile import Differential
 from evertwin.sync import Arbiter, Rule, Track
-from evertwin.sync.track import TrackState
+from evertwin.sync.track_state import TrackState
 
 RATE, SIGMA, ONSET, OVER, N = 10, 0.003, 600, 900, 1200
 STAGE = Track(Differential(), Arbiter(Rule(use="blend")))

@@ -19,12 +19,12 @@ if TYPE_CHECKING:
     from evertwin.sync.arbiter import Arbiter as Arbiter, Phases as Phases, Rule as Rule
     from evertwin.sync.horizon import (
         Horizon as Horizon,
-        HorizonRows as HorizonRows,
-        HorizonState as HorizonState,
         residuals as residuals,
         restarts as restarts,
         trusted as trusted,
     )
-    from evertwin.sync.track import Track as Track, TrackRows as TrackRows, TrackState as TrackState
+    from evertwin.sync.horizon_state import HorizonRows as HorizonRows, HorizonState as HorizonState
+    from evertwin.sync.track import Track as Track
+    from evertwin.sync.track_state import TrackRows as TrackRows, TrackState as TrackState
 
 __getattr__ = surface(__name__)

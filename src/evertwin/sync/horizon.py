@@ -24,7 +24,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
@@ -34,7 +33,8 @@ from evertwin.models import Kernel, Model, Restart, hidden_of, kernel_of
 from evertwin.models.kernel import GAP, looped
 from evertwin.signals import wrap
 from evertwin.sync.horizon_loop import NEVER, began, plan, run
-from evertwin.types import Bools, Inputs, Int64, Outputs, ParameterVector, StateVector, Vector
+from evertwin.sync.horizon_state import HorizonRows, HorizonSettings, HorizonState
+from evertwin.types import Bools, Inputs, Outputs, ParameterVector, StateVector
 
 
 def nanoseconds(seconds: float) -> int:
@@ -101,57 +101,6 @@ def _check(horizon: float) -> None:
         raise UsageError(f"horizon: expected a duration above 0 s, got {horizon}")
 
 
-class HorizonState(NamedTuple):
-    """State of `Horizon`: the model's, its parameters, and the segment so far.
-
-    >>> HorizonState._fields[:2]
-    ('x', 'p')
-    """
-
-    x: StateVector
-    p: ParameterVector
-    x0: StateVector
-    """State that a new start begins with."""
-    scale: Vector
-    """What one unit of loss is, per output, (ny,)."""
-    square: Vector
-    """Sum of (residual / scale)² of the segment so far, (ny,)."""
-    samples: Int64[np.ndarray, " ny"]
-    """Residuals in it, (ny,)."""
-    adopted: Int64[np.ndarray, " ny"]
-    """Stamp of each output's last adoption [ns]."""
-    clock: Int64[np.ndarray, " six"]
-    """Task of the last row, has a row come, start of the segment and stamp of the last row [ns],
-    segments since the state started anew, how often in a row they were too few."""
-
-
-class HorizonRows(NamedTuple):
-    """One row out per row in.
-
-    >>> HorizonRows._fields
-    ('y', 'residual', 'end', 'square', 'samples')
-    """
-
-    y: Outputs
-    """Predicted outputs, (n, ny); NaN where the state starts anew."""
-    residual: Outputs
-    """Measured − predicted, angles wrapped, (n, ny); NaN where not measured, trusted or started."""
-    end: Bools
-    """True where a segment ends, (n,). A segment that a gap cuts ends at the row after the gap, if
-    it was half a horizon long."""
-    square: Outputs
-    """At such a row: the segment's sum of (residual / scale)² per output, (n, ny), else 0."""
-    samples: Int64[np.ndarray, "n ny"]
-    """At such a row: how many residuals the sum holds."""
-
-    @property
-    def losses(self) -> Vector:
-        """Mean of (residual / scale)² of each segment that ended, (segments,); NaN if empty."""
-        samples = self.samples[self.end].sum(axis=1)
-        mean: Vector = self.square[self.end].sum(axis=1) / np.where(samples, samples, np.nan)
-        return mean
-
-
 @dataclass(frozen=True)
 class Horizon:
     """The stream of predictions over one horizon.
@@ -187,8 +136,8 @@ class Horizon:
         return kernel_of(self.model)
 
     @cached_property
-    def _fixed(self) -> tuple[Bools, int, int]:
-        return self.model.outputs.angles, nanoseconds(self.horizon), self.settles
+    def _fixed(self) -> HorizonSettings:
+        return HorizonSettings(self.model.outputs.angles, nanoseconds(self.horizon), self.settles)
 
     @property
     def settles(self) -> int:
@@ -236,9 +185,7 @@ class Horizon:
             y, np.empty((n, ny)), np.zeros(n, dtype=np.bool_), np.zeros((n, ny)),
             np.zeros((n, ny), dtype=np.int64),
         )  # fmt: skip
-        looped(
-            run, self._kernel, given, *contiguous(block)[1:], *self._fixed, *state, *rows
-        )  # fmt: skip
+        looped(run, self._kernel, given, contiguous(block), self._fixed, state, rows)
         return state, Out(rows)
 
 

@@ -11,7 +11,11 @@ import numpy as np
 
 from evertwin.compiled.calls import call
 from evertwin.compiled.functions import njit
+from evertwin.compiled.memory import borrowed
 from evertwin.models.kernel import ADOPT, ANEW
+from evertwin.sync.horizon_state import HorizonRows, HorizonState
+from evertwin.sync.lending import lent_block
+from evertwin.sync.options import HOT
 
 NEVER = np.iinfo(np.int64).min
 """Stamp of an output that was not adopted since the state started anew."""
@@ -37,6 +41,15 @@ def is_known(values: Any) -> bool:
     """True if every value of a row is finite."""
     for k in range(values.shape[0]):  # noqa: SIM110 - generators do not compile
         if not np.isfinite(values[k]):
+            return False
+    return True
+
+
+@njit(**HOT)
+def is_row_known(values: Any, i: int) -> bool:
+    """True if every value of a row of several is finite; a view of it costs more."""
+    for k in range(values.shape[1]):  # noqa: SIM110 - generators do not compile
+        if not np.isfinite(values[i, k]):
             return False
     return True
 
@@ -99,71 +112,119 @@ def began(anew: Any, known: Any) -> Any:
     return out
 
 
+@njit(**HOT)
+def lent_state(kept: HorizonState) -> HorizonState:
+    """The same arrays without an owner."""
+    return HorizonState(
+        borrowed(kept.x), borrowed(kept.p), borrowed(kept.x0), borrowed(kept.scale),
+        borrowed(kept.square), borrowed(kept.samples), borrowed(kept.adopted), borrowed(kept.clock),
+    )  # fmt: skip
+
+
+@njit(**HOT)
+def lent_rows(out: HorizonRows) -> HorizonRows:
+    """The same arrays without an owner."""
+    return HorizonRows(
+        borrowed(out.y), borrowed(out.residual), borrowed(out.end), borrowed(out.square),
+        borrowed(out.samples),
+    )  # fmt: skip
+
+
+@njit(**HOT)
+def ends(rows: Any, state: Any, i: int, t: int) -> None:
+    """A segment ends at a row, and the next one begins; −1: it counts for nothing."""
+    for j in range(state.square.shape[0]):
+        if i >= 0:
+            rows.square[i, j], rows.samples[i, j] = state.square[j], state.samples[j]
+        state.square[j], state.samples[j] = 0.0, 0
+    if i >= 0:
+        rows.end[i] = True
+    state.clock[END] = t
+
+
+@njit(**HOT)
+def starts(fixed: Any, state: Any, rows: Any, i: int, t: int) -> None:
+    """The state starts anew. What a gap cuts counts if it is half a horizon long."""
+    clock, settles, samples = state.clock, fixed.settles, 0
+    for j in range(state.samples.shape[0]):
+        samples += state.samples[j]
+    enough = clock[LAST] - clock[END] >= fixed.horizon // 2 - SLACK
+    counts = (enough or fixed.horizon == np.iinfo(np.int64).max) and samples > 0
+    ends(rows, state, i if counts else -1, t)
+    few = clock[BEGUN] != 0 and (clock[SEGMENTS] < settles or clock[SHORT] > PATIENT)
+    clock[SHORT] = clock[SHORT] + 1 if few else 0
+    clock[SEGMENTS] = settles if clock[SHORT] > PATIENT else 0
+
+
+@njit(**HOT)
+def compare(
+    fixed: Any, block: Any, state: Any, rows: Any, i: int, span: int, take: Any
+) -> bool:  # fmt: skip
+    """Measured against predicted; fills ``take`` with what is adopted. Is there any?"""
+    taken, nu, stateful = False, block.u.shape[1], state.x.shape[0] > 0
+    y, out, adopted = block.y, rows.y, state.adopted
+    for j in range(y.shape[1]):
+        level = block.mark[i, nu + j]
+        known = y[i, j] == y[i, j] and level <= HELD
+        started = adopted[j] != NEVER and state.clock[SEGMENTS] >= fixed.settles
+        rows.residual[i, j] = take[j] = np.nan
+        if known and (started or not stateful) and out[i, j] == out[i, j]:
+            rows.residual[i, j] = wrapped(y[i, j] - out[i, j], fixed.angle[j])
+            scaled = rows.residual[i, j] / state.scale[j]
+            state.square[j] += scaled * scaled
+            state.samples[j] += 1
+        # What overruled the simulation is adopted at once, and no measure of the model.
+        moved = y[i, j] == y[i, j] and level == OVERRULED
+        fresh = known and level == OK and is_due(block.t[i], adopted[j], span)
+        if stateful and (moved or fresh):
+            taken, take[j], adopted[j] = True, y[i, j], block.t[i]
+    return taken
+
+
 @njit(cache=True, error_model="numpy")
 def run(
-    step: int, observe: int, context: Any, given: bool, t: Any, dt: Any, u: Any, y: Any, mark: Any,
-    task: Any, gap: Any, angle: Any, horizon: int, settles: int, x: Any, p: Any, x0: Any,
-    scale: Any, square: Any, samples: Any, adopted: Any, clock: Any, out: Any, residual: Any,
-    end: Any, sums: Any, counts: Any,
-) -> None:  # fmt: skip
+    step: int, observe: int, context: Any, given: bool, lent: Any, fixed: Any, kept: Any, out: Any
+) -> None:
     """Rows through the model, adopting each output anew once the horizon has passed.
 
-    ``given``: ``out`` holds the predictions of a model without state already. ``settles``: segments
-    in the first horizon, which does not count, unless rows come in pieces that are shorter.
+    Args:
+        given: ``out`` holds the predictions of a model without state already.
+        lent: `Block` with arrays in C order.
+        fixed: `HorizonSettings`. Segments in the first horizon do not count, unless rows come in
+            pieces that are shorter.
+        kept: `HorizonState`.
+        out: `HorizonRows`.
     """
-    # longer than the budget: one row is one thought, and cutting it costs a third of the speed
-    n, nu, ny, nx = u.shape[0], u.shape[1], y.shape[1], x.shape[0]
-    ahead, take = np.empty_like(x), np.empty(ny)
-    u_at, out_at = u.ctypes.data, out.ctypes.data
-    c, a, b = context.ctypes.data, x.ctypes.data, ahead.ctypes.data
-    parameters, take_at = p.ctypes.data, take.ctypes.data
+    (n, ny), nu, nx = lent.y.shape, lent.u.shape[1], len(kept.x)
+    ahead, take = np.empty(nx), np.empty(ny)
+    block, state, rows = lent_block(lent), lent_state(kept), lent_rows(out)
+    x, clock, adopted, task = state.x, state.clock, state.adopted, block.task
+    c, a, b, taking = context.ctypes.data, x.ctypes.data, ahead.ctypes.data, take.ctypes.data
     for i in range(n):
-        anew = clock[BEGUN] == 0 or task[i] != clock[TASK] or not is_known(u[i])
-        lasts = gap[i] and not anew and settles > 0
-        anew = anew or gap[i]
+        now, first = block.t[i], block.u.ctypes.data + 8 * i * nu
+        anew = clock[BEGUN] == 0 or task[i] != clock[TASK] or not is_row_known(block.u, i)
+        lasts = block.gap[i] and not anew and fixed.settles > 0
+        anew = anew or block.gap[i]
         if anew:
-            # A segment that a gap cuts short counts if it is half a horizon long.
-            enough = clock[LAST] - clock[END] >= horizon // 2 - SLACK
-            if (enough or horizon == np.iinfo(np.int64).max) and samples.sum() > 0:
-                end[i], sums[i], counts[i] = True, square, samples
-            square[:], samples[:], clock[END] = 0.0, 0, t[i]
-            few = clock[BEGUN] != 0 and (clock[SEGMENTS] < settles or clock[SHORT] > PATIENT)
-            clock[SHORT] = clock[SHORT] + 1 if few else 0
-            clock[SEGMENTS] = settles if clock[SHORT] > PATIENT else 0
-        clock[BEGUN], clock[TASK], clock[LAST] = 1, task[i], t[i]
+            starts(fixed, state, rows, i, now)
+        clock[BEGUN], clock[TASK], clock[LAST] = 1, task[i], now
         failed = anew and nx > 0
         if not failed and not given:
-            at = out_at + 8 * i * ny
-            code = call(step, c, a, u_at + 8 * i * nu, dt[i], parameters, b, at)
+            at = rows.y.ctypes.data + 8 * i * ny
+            code = call(step, c, a, first, block.dt[i], state.p.ctypes.data, b, at)
             failed = code != 0 or not is_known(ahead)
+        for j in range(ny if failed else 0):
+            rows.y[i, j], take[j], adopted[j] = np.nan, np.nan, NEVER
         if failed and lasts:
-            out[i], take[:], adopted[:] = np.nan, np.nan, NEVER
-            call(observe, c, a, take_at)  # nothing: what was expected is void
-        elif failed:
-            x[:], out[i] = x0, np.nan
-            adopted[:] = NEVER
+            call(observe, c, a, taking)  # nothing: what was expected is void
         else:
-            x[:] = ahead
-        taken, span = False, horizon // settles if clock[SEGMENTS] < settles else horizon
-        for j in range(ny):
-            level = mark[i, nu + j]
-            known = y[i, j] == y[i, j] and level <= HELD
-            started = nx == 0 or (adopted[j] != NEVER and clock[SEGMENTS] >= settles)
-            residual[i, j] = np.nan
-            take[j] = np.nan
-            if known and started and out[i, j] == out[i, j]:
-                residual[i, j] = wrapped(y[i, j] - out[i, j], angle[j])
-                scaled = residual[i, j] / scale[j]
-                square[j] += scaled * scaled
-                samples[j] += 1
-            # What overruled the simulation is adopted at once, and no measure of the model.
-            moved = y[i, j] == y[i, j] and level == OVERRULED
-            fresh = known and level == OK and is_due(t[i], adopted[j], span)
-            if nx > 0 and (moved or fresh):
-                taken, take[j], adopted[j] = True, y[i, j], t[i]
+            for k in range(nx):
+                x[k] = state.x0[k] if failed else ahead[k]
+        settling = clock[SEGMENTS] < fixed.settles
+        span = fixed.horizon // fixed.settles if settling else fixed.horizon
+        taken = compare(fixed, block, state, rows, i, span, take)
         if taken:
-            call(observe, c, a, take_at)
-        if (taken or nx == 0) and t[i] - clock[END] >= span - SLACK:
-            end[i], sums[i], counts[i] = True, square, samples
-            square[:], samples[:], clock[END] = 0.0, 0, t[i]
+            call(observe, c, a, taking)
+        if (taken or nx == 0) and now - clock[END] >= span - SLACK:
+            ends(rows, state, i, now)
             clock[SEGMENTS] += 1

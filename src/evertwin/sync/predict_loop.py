@@ -10,7 +10,7 @@ from evertwin.compiled.functions import njit
 from evertwin.models.kernel import RAISED
 from evertwin.sync import places as at
 from evertwin.sync.arbiter_loop import forget
-from evertwin.sync.horizon_loop import is_known
+from evertwin.sync.horizon_loop import is_known, is_row_known
 from evertwin.sync.input_loop import (
     believe,
     count_usual,
@@ -36,15 +36,6 @@ def phase_of(u: Any, i: int, column: int, edges: Any) -> int:
         for k in range(edges.shape[0]):
             phase += u[i, column] >= edges[k]
     return phase
-
-
-@njit(**HOT)
-def is_row_known(u: Any, i: int) -> bool:
-    """True if every input of the row is finite."""
-    for k in range(u.shape[1]):  # noqa: SIM110 - generators do not compile
-        if not np.isfinite(u[i, k]):
-            return False
-    return True
 
 
 @njit(**HOT)

@@ -54,7 +54,7 @@ from evertwin.sync.track_state import (
 )
 from evertwin.types import Bools, ParameterVector
 
-__all__ = ["Arbiter", "Rule", "Track", "TrackRows", "TrackState"]
+__all__ = ["Arbiter", "Rule", "Track"]
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,6 @@ import numpy as np
 
 from evertwin.compiled.functions import njit
 from evertwin.compiled.memory import borrowed
-from evertwin.fold import Block
 from evertwin.sync import places as at
 from evertwin.sync.arbiter_loop import RESET, judge
 from evertwin.sync.free_loop import moves_free
@@ -27,6 +26,7 @@ from evertwin.sync.judge_loop import (
     present,
     review,
 )
+from evertwin.sync.lending import lent_block
 from evertwin.sync.options import HOT
 from evertwin.sync.predict_loop import predict_row
 from evertwin.sync.run_loop import goes
@@ -93,10 +93,7 @@ def run(
     case = case_of(settings, state, notes, sample, borrowed(expects))
     work = Workspace(
         case,
-        Block(
-            block.row, borrowed(block.t), borrowed(block.dt), borrowed(block.u), borrowed(block.y),
-            borrowed(block.mark), borrowed(block.task), borrowed(block.gap),
-        ),
+        lent_block(block),
         TrackRows(
             borrowed(out.y), borrowed(out.residual), borrowed(out.mark), borrowed(out.update),
             borrowed(out.sigma), borrowed(out.age), borrowed(out.u), borrowed(out.doubt),
