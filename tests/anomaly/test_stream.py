@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from itertools import pairwise
 from typing import Any
 
@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from scipy.signal import lfilter
 
 from evertwin.anomaly import (
+    Alarms,
     Calm,
     Cusum,
     Drift,
@@ -135,40 +136,27 @@ def test_an_excursion_is_one_event_and_ends() -> None:
 @pytest.mark.parametrize("module", [cusum, snr, drift])
 def test_compiled_and_plain_loops_agree_bit_for_bit(module: Any) -> None:
     part = ROWS.take(850, 1150)
-    known = KNOWN
     n, ny = part.r.shape
 
-    def outputs() -> list[np.ndarray]:
+    def arguments() -> tuple[Any, ...]:
         if module is drift:
-            return [np.full((n, 2 * ny), np.nan)]
-        return [
-            np.zeros((n, ny), dtype=np.int8),
-            np.full((n, ny), np.nan),
-            np.zeros((n, ny), dtype=np.bool_),
-        ]
-
-    def fixed() -> list[Any]:
+            return part, (8.0, 0.05, 8), _DRIFT.begin(KNOWN), np.full((n, 2 * ny), np.nan)
+        out = Alarms(part.row, np.zeros((n, ny), dtype=np.int8), np.full((n, ny), np.nan))
+        begins = np.zeros((n, ny), dtype=np.bool_)
         if module is cusum:
-            state = _CUSUM.begin(known)
-            return [
-                known.ar, known.sigma, known.limit, 1.5, 8.0, 100,
-                state.past, state.sums, state.seen, state.height, state.peak,
-            ]  # fmt: skip
-        if module is snr:
-            state = _SNR.begin(known)
-            return [np.full(ny, 0.3), 6.0, state.ring, state.seen]
-        state = _DRIFT.begin(known)
-        return [
-            known.ar, known.sigma, 8.0, 0.05, 8,
-            state.past, state.seen, state.sums, state.windows,
-        ]  # fmt: skip
+            return part, (1.5, 8.0, 100), _CUSUM.begin(KNOWN), out, begins
+        return part, 6.0, _SNR.begin(KNOWN)._replace(noise=np.full(ny, 0.3)), out, begins
+
+    def written(values: tuple[Any, ...]) -> Iterator[bytes]:
+        for one in values:
+            yield from written(one) if isinstance(one, tuple) else [np.asarray(one).tobytes()]
 
     results = []
     for loop in (module.watch.compiled, module.watch.plain):
-        state, out = fixed(), outputs()
-        loop(part.r, part.phase, known.mean, known.scale, *state, *out)
-        results.append([np.asarray(x).tobytes() for x in (*state, *out)])
-    assert results[0] == results[1]
+        given = arguments()
+        loop(*given)
+        results.append([*written(given)])
+    assert results[0] == results[1] != [*written(arguments())]
 
 
 def test_noise_of_a_mean_follows_the_autoregression() -> None:

@@ -46,13 +46,14 @@ is fitted to calm data (least squares, order by Bayes' information criterion) an
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from evertwin.anomaly.residuals import Residuals
 from evertwin.anomaly.run_length import alarms, limit_for, run_length, steepness
+from evertwin.compiled.functions import njit
 from evertwin.errors import UsageError
 from evertwin.types import Float64, Tasks, Vector
 
@@ -176,6 +177,19 @@ class Calibrated(NamedTuple):
 
     calibration: Calibration
     reason: str
+
+
+@njit(cache=True, forceinline=True)
+def whitened(known: Calibration, past: Any, j: int, z: float) -> float:
+    """What the autoregression did not foresee of a standardised residual, which joins the past."""
+    orders, left = known.ar.shape[1], z
+    for m in range(orders):
+        left -= known.ar[j, m] * past[j, m]
+    for m in range(orders - 1, 0, -1):
+        past[j, m] = past[j, m - 1]
+    if orders > 0:
+        past[j, 0] = z
+    return left
 
 
 def blank(phases: int, outputs: int, orders: int) -> Calibration:

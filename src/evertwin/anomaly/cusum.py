@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from evertwin.anomaly.calibration import Calibration, Calm, blank, calibrate
+from evertwin.anomaly.calibration import Calibration, Calm, blank, calibrate, whitened
 from evertwin.anomaly.residuals import Alarms, Residuals
 from evertwin.compiled.functions import njit
 from evertwin.errors import UsageError
@@ -56,35 +56,33 @@ class CusumState(NamedTuple):
 
 @njit(cache=True)
 def watch(
-    r: Any, phase: Any, mean: Any, scale: Any, ar: Any, sigma: Any, limit: Any, k: float,
-    clip: float, quiet: int, past: Any, sums: Any, seen: Any, height: Any, peak: Any, alarm: Any,
-    statistic: Any, begins: Any,
-) -> int:  # fmt: skip
-    """How many excursions start, marked in ``begins``. Rows through whitening and CUSUM."""
-    orders, started = ar.shape[1], 0
+    part: Residuals, rule: tuple[float, float, int], state: CusumState, out: Alarms, begins: Any
+) -> int:
+    """How many excursions start, marked in ``begins``. Rows through whitening and CUSUM.
+
+    Args:
+        rule: what is taken off each sum, the largest innovation, samples that end an excursion.
+    """
+    (k, clip, quiet), known, started = rule, state.calibration, 0
+    r, phase, alarm, statistic = part.r, part.phase, out.alarm, out.statistic
+    past, sums, seen, height, peak = state.past, state.sums, state.seen, state.height, state.peak
     for i in range(r.shape[0]):
         for j in range(r.shape[1]):
             x = r[i, j]
-            statistic[i, j] = max(sums[j, 0], sums[j, 1]) / limit[j]
+            statistic[i, j] = max(sums[j, 0], sums[j, 1]) / known.limit[j]
             if x != x:
                 continue
-            z = (x - mean[phase[i], j]) / scale[phase[i], j]
-            e = z
-            for m in range(orders):
-                e -= ar[j, m] * past[j, m]
-            for m in range(orders - 1, 0, -1):
-                past[j, m] = past[j, m - 1]
-            if orders > 0:
-                past[j, 0] = z
+            z = (x - known.mean[phase[i], j]) / known.scale[phase[i], j]
+            e = whitened(known, past, j, z)
             if seen[j, 1] >= 0 and phase[i] == seen[j, 2]:  # others say nothing of it
                 seen[j, 1] = -1 if seen[j, 1] >= quiet else seen[j, 1] + 1
-            if seen[j, 0] < orders:
+            if seen[j, 0] < known.ar.shape[1]:
                 seen[j, 0] += 1
                 continue
-            e = min(max(e / sigma[j], -clip), clip)
+            e = min(max(e / known.sigma[j], -clip), clip)
             sums[j, 0] = max(0.0, sums[j, 0] + e - k)
             sums[j, 1] = max(0.0, sums[j, 1] - e - k)
-            statistic[i, j] = max(sums[j, 0], sums[j, 1]) / limit[j]
+            statistic[i, j] = max(sums[j, 0], sums[j, 1]) / known.limit[j]
             if seen[j, 1] >= 0:
                 height[j, 0] = max(0.0, height[j, 0] + e - k)
                 height[j, 1] = max(0.0, height[j, 1] - e - k)
@@ -185,13 +183,9 @@ class Cusum:
         self, state: CusumState, block: Residuals, rows: Alarms, at: int, records: list[Event]
     ) -> CusumState:
         part = block.take(at, len(block.row)) if at else block
-        known, begins = state.calibration, np.zeros(part.r.shape, dtype=np.bool_)
-        started = watch(
-            part.r, part.phase, known.mean, known.scale, known.ar, known.sigma, known.limit,
-            0.5 * self.calm.shift, self.calm.clip, self.quiet // self.phases, state.past,
-            state.sums, state.seen, state.height, state.peak, rows.alarm[at:],
-            rows.statistic[at:], begins,
-        )  # fmt: skip
+        begins, out = np.zeros(part.r.shape, dtype=np.bool_), Alarms(*(one[at:] for one in rows))
+        rule = 0.5 * self.calm.shift, self.calm.clip, self.quiet // self.phases
+        started, limit = watch(part, rule, state, out, begins), state.calibration.limit
         for i, j in np.argwhere(begins).tolist() if started else ():
             word = "above" if rows.alarm[at + i, j] > 0 else "below"
             records.append(
@@ -199,7 +193,7 @@ class Cusum:
                     int(part.row[i]), int(part.t[i]), "suspected", self.names[j],
                     f"the residual stays {word} what is calm: "
                     f"CUSUM {rows.statistic[at + i, j]:.2f} times its limit",
-                    {"statistic": float(rows.statistic[at + i, j]), "limit": float(known.limit[j]),
+                    {"statistic": float(rows.statistic[at + i, j]), "limit": float(limit[j]),
                      "residual": float(part.r[i, j]), "phase": int(part.phase[i])},
                 )
             )  # fmt: skip

@@ -6,7 +6,7 @@ The residual is standardised and whitened by a calibration, so that one ``delta`
 outputs: ADWIN's bound is for independent samples. Innovations enter by means of ``batch``
 consecutive ones, which saves time and finds slow changes as well.
 
->>> from evertwin.anomaly.calibration import Calm, calibrate
+>>> from evertwin.anomaly.calibration import Calm, calibrate, whitened
 >>> rng = np.random.default_rng(0)
 >>> calm = calibrate(Residuals.of(rng.normal(size=(2000, 1)), 1.0), Calm()).calibration
 >>> r = rng.normal(size=(4000, 1)); r[2000:] *= 2.0
@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from evertwin.anomaly.adwin import CLOCK, LEVELS, TOTAL, WIDTH, add, new
-from evertwin.anomaly.calibration import Calibration, blank
+from evertwin.anomaly.calibration import Calibration, blank, whitened
 from evertwin.anomaly.residuals import Residuals
 from evertwin.compiled.functions import njit
 from evertwin.fold import Event, Out
@@ -53,29 +53,25 @@ class DriftState(NamedTuple):
 
 
 @njit(cache=True)
-def watch(
-    r: Any, phase: Any, mean: Any, scale: Any, ar: Any, sigma: Any, clip: float, delta: float,
-    batch: int, past: Any, seen: Any, sums: Any, windows: Any, level: Any,
-) -> int:  # fmt: skip
-    """How many changes. Rows through whitening and both windows; ``level`` gets the new means."""
-    orders = ar.shape[1]
+def watch(rows: Residuals, rule: tuple[float, float, int], state: DriftState, level: Any) -> int:
+    """How many changes. Rows through whitening and both windows; ``level`` gets the new means.
+
+    Args:
+        rule: the largest innovation, chance of a false cut, innovations of a batch.
+    """
+    (clip, delta, batch), known, orders = rule, state.calibration, state.past.shape[1]
+    r, phase, seen, sums, windows = rows.r, rows.phase, state.seen, state.sums, state.windows
     clock, grow, changes = max(1, CLOCK // batch), math.sqrt(batch), 0
     for i in range(r.shape[0]):
         for j in range(r.shape[1]):
             if r[i, j] != r[i, j]:
                 continue
-            z = (r[i, j] - mean[phase[i], j]) / scale[phase[i], j]
-            e = z
-            for m in range(orders):
-                e -= ar[j, m] * past[j, m]
-            for m in range(orders - 1, 0, -1):
-                past[j, m] = past[j, m - 1]
-            if orders > 0:
-                past[j, 0] = z
+            z = (r[i, j] - known.mean[phase[i], j]) / known.scale[phase[i], j]
+            e = whitened(known, state.past, j, z)
             seen[j] += 1
             if seen[j] <= orders:
                 continue
-            e = min(max(e / sigma[j], -clip), clip)
+            e = min(max(e / known.sigma[j], -clip), clip)
             sums[j, 0] += e
             sums[j, 1] += abs(e)
             if (seen[j] - orders) % batch != 0:
@@ -121,15 +117,11 @@ class Drift:
 
     def step(self, state: DriftState, block: Residuals) -> tuple[DriftState, Out]:
         """Events ``drift`` with what has changed and to which value. Consumes ``state``."""
-        known = state.calibration
-        if not known.ready:
+        if not state.calibration.ready:
             return state, Out()
         level = np.empty((len(block.row), 2 * len(self.names)))
         level.fill(np.nan)
-        changes = watch(
-            block.r, block.phase, known.mean, known.scale, known.ar, known.sigma, self.clip,
-            self.delta, self.batch, state.past, state.seen, state.sums, state.windows, level,
-        )  # fmt: skip
+        changes = watch(block, (self.clip, self.delta, self.batch), state, level)
         if changes == 0:
             return state, Out()
         # a spread that falls is no trouble: the model is as near as before, or nearer

@@ -46,24 +46,23 @@ class SnrState(NamedTuple):
 
 
 @njit(cache=True)
-def watch(
-    r: Any, phase: Any, mean: Any, scale: Any, noise: Any, threshold: float, ring: Any, seen: Any,
-    alarm: Any, statistic: Any, begins: Any,
-) -> None:  # fmt: skip
+def watch(rows: Residuals, threshold: float, state: SnrState, out: Alarms, begins: Any) -> None:
     """Rows through the ring; the mean is summed anew at each row, so cuts cannot matter."""
-    window = ring.shape[1]
+    r, phase, known, ring, seen = rows.r, rows.phase, state.calibration, state.ring, state.seen
+    window, alarm, statistic = ring.shape[1], out.alarm, out.statistic
     for i in range(r.shape[0]):
         for j in range(r.shape[1]):
             if r[i, j] != r[i, j]:
                 continue
-            ring[j, seen[j, 0] % window] = (r[i, j] - mean[phase[i], j]) / scale[phase[i], j]
+            z = (r[i, j] - known.mean[phase[i], j]) / known.scale[phase[i], j]
+            ring[j, seen[j, 0] % window] = z
             seen[j, 0] += 1
             if seen[j, 0] < window:
                 continue
             total = 0.0
             for m in range(window):
                 total += ring[j, m]
-            ratio = total / window / noise[j]
+            ratio = total / window / state.noise[j]
             statistic[i, j] = abs(ratio) / threshold
             if statistic[i, j] > 1.0:
                 alarm[i, j] = 1 if ratio > 0 else -1
@@ -109,11 +108,8 @@ class SnrLimit:
         rows = Alarms(block.row, np.zeros(shape, dtype=np.int8), np.full(shape, np.nan))
         if not state.calibration.ready:
             return state, Out(rows)
-        known, begins = state.calibration, np.zeros(shape, dtype=np.bool_)
-        watch(
-            block.r, block.phase, known.mean, known.scale, state.noise, self.threshold,
-            state.ring, state.seen, rows.alarm, rows.statistic, begins,
-        )  # fmt: skip
+        begins = np.zeros(shape, dtype=np.bool_)
+        watch(block, self.threshold, state, rows, begins)
         found = np.argwhere(begins).tolist()
         return state, Out(rows, tuple(self._event(block, rows, i, j) for i, j in found))
 
