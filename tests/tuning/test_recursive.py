@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from evertwin.errors import UsageError
 from evertwin.fold import check_online, fold, make_block
 from evertwin.tuning import ClosedForm, Recursive
+from evertwin.tuning.recursive import RecursiveRows
 from evertwin.tuning.recursive_loop import learn, solve_information
 
 P = np.array([3.0, 1.0, 2.0, 4.0, 0.02])
@@ -122,9 +123,9 @@ def test_kernels_equal_their_plain_twins_bit_for_bit(axes: Any, measured: Any) -
     results = []
     for kernel in (learn.compiled, learn.plain):
         state = stage.init()
-        rows = np.empty((40, 2)), np.empty((40, 2)), np.empty((40, 4))
-        kernel(block.row, block.dt, block.u, block.y, block.mark, y0, phi, *stage.fixed,
-               stage.memory, stage.every, *state, *rows)  # fmt: skip
+        rows = RecursiveRows(np.empty((40, 2)), np.empty((40, 2)), np.empty((40, 4)))
+        given = block.dt, block.u, block.y, block.mark
+        kernel(block.row, given, (y0, phi), stage.fixed, state, rows)
         results.append((*state, *rows))
     for left, right in zip(*results, strict=True):
         assert np.array_equal(left, right, equal_nan=True)

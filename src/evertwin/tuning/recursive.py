@@ -36,7 +36,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -44,7 +44,32 @@ from evertwin.errors import UsageError
 from evertwin.fold import Block, Out
 from evertwin.models import LinearModel, Parameters
 from evertwin.tuning.recursive_loop import learn
-from evertwin.types import Float64, Outputs, ParameterVector, Vector
+from evertwin.types import Float64, Int64, Outputs, ParameterVector, Vector
+
+
+class RecursiveSettings(NamedTuple):
+    """What no row changes, of k tuned parameters.
+
+    >>> RecursiveSettings._fields[:2]
+    ('columns', 'at')
+    """
+
+    columns: Int64[np.ndarray, "ny m"]
+    """Parameter of each column of the regressor; −1: none."""
+    at: Int64[np.ndarray, "ny m"]
+    """Its place among the tuned ones, −1: it is none."""
+    places: Int64[np.ndarray, " k"]
+    """Which parameters are tuned."""
+    prior: ParameterVector
+    information: Vector
+    """Of the prior, (k,)."""
+    weight: Vector
+    """Of each output, (ny,)."""
+    gate: Int64[np.ndarray, " ny"]
+    """Input that says whether it moves, −1: none; and above which size."""
+    above: Vector
+    memory: float
+    every: int
 
 
 class RecursiveState(NamedTuple):
@@ -119,8 +144,8 @@ class Recursive:
         return self.editable or self._parameters.editable
 
     @cached_property
-    def fixed(self) -> tuple[Any, ...]:
-        """Everything that no row changes, in the order of the loop's arguments."""
+    def fixed(self) -> RecursiveSettings:
+        """Everything that no row changes."""
         columns = np.ascontiguousarray(self.model.columns, dtype=np.int64)
         ny = len(columns)
         places = self._parameters.indices(self.names)
@@ -134,10 +159,13 @@ class Recursive:
         for output, source, threshold in self.moving:
             gate[output], above[output] = source, threshold
         p = self._parameters.values
-        return columns, at, places, p, 1.0 / np.square(sigma), weight, gate, above
+        return RecursiveSettings(
+            columns, at, places, p, 1.0 / np.square(sigma), weight, gate, above, self.memory,
+            self.every,
+        )  # fmt: skip
 
     def init(self) -> RecursiveState:
-        p, information = self.fixed[3], self.fixed[4]
+        p, information = self.fixed.prior, self.fixed.information
         k = len(information)
         with np.errstate(divide="ignore"):
             sigma = 1.0 / np.sqrt(information)
@@ -145,16 +173,14 @@ class Recursive:
 
     def step(self, state: RecursiveState, block: Block) -> tuple[RecursiveState, Out]:
         n, ny = block.y.shape
-        prior = self.fixed[3]
+        prior = self.fixed.prior
         y0, phi = self.model.regressor(self.model.initial(prior), block.u, block.dt, prior)
         k = len(state.vector)
         rows = RecursiveRows(np.empty((n, ny)), np.empty((n, ny)), np.empty((n, k)))
-        learn(
-            block.row, block.dt, block.u, block.y, block.mark, y0, phi, *self.fixed,
-            self.memory, self.every, *state, *rows,
-        )  # fmt: skip
+        given = block.dt, block.u, block.y, block.mark
+        learn(block.row, given, (y0, phi), self.fixed, state, rows)
         return state, Out(rows)
 
     def estimate(self, state: RecursiveState) -> tuple[Vector, Vector]:
         """(values, standard deviations) at the last beat, (k,) each."""
-        return state.p[self.fixed[2]], state.sigma
+        return state.p[self.fixed.places], state.sigma

@@ -74,28 +74,35 @@ def solve_information(matrix: Any, vector: Any, delta: Any, sigma: Any) -> bool:
 
 
 @njit(cache=True)
-def learn(
-    first: int, dt: Any, u: Any, y: Any, mark: Any, y0: Any, phi: Any, columns: Any, at: Any,
-    places: Any, prior: Any, information: Any, weight: Any, gate: Any, above: Any, memory: float,
-    every: int, p: Any, matrix: Any, vector: Any, sigma: Any, out: Any, residual: Any, values: Any,
-) -> None:  # fmt: skip
-    """Rows: at a beat renew ``p``; predict; forget; learn what is trusted."""
+def learn(first: int, given: Any, linear: Any, fixed: Any, state: Any, rows: Any) -> None:
+    """Rows: at a beat renew ``p``; predict; forget; learn what is trusted.
+
+    Args:
+        first: number of the first row.
+        given: intervals, inputs, outputs and marks of the rows.
+        linear: outputs without the parameters, (n, ny), and the regressor, (n, ny, m).
+        fixed: `RecursiveSettings`.
+        state: `RecursiveState`.
+        rows: `RecursiveRows`.
+    """
+    (dt, u, y, mark), (y0, phi), columns, prior = given, linear, fixed.columns, fixed.prior
+    p, matrix, vector, places = state.p, state.matrix, state.vector, fixed.places
     n, ny, m = phi.shape
     k, nu = vector.shape[0], u.shape[1]
     delta = np.empty(k)
     for i in range(n):
-        if (first + i) % every == 0 and solve_information(matrix, vector, delta, sigma):
+        if (first + i) % fixed.every == 0 and solve_information(matrix, vector, delta, state.sigma):
             for j in range(k):
                 p[places[j]] = prior[places[j]] + delta[j]
         for j in range(k):
-            values[i, j] = p[places[j]]
-        keep = math.exp(-dt[i] / memory)
+            rows.values[i, j] = p[places[j]]
+        keep = math.exp(-dt[i] / fixed.memory)
         if keep < 1.0:
             for a in range(k):
                 vector[a] *= keep
                 for b in range(k):
                     matrix[a, b] *= keep
-                matrix[a, a] += (1.0 - keep) * information[a]
+                matrix[a, a] += (1.0 - keep) * fixed.information[a]
         for o in range(ny):
             predicted, around = y0[i, o], y[i, o] - y0[i, o]
             for a in range(m):
@@ -105,9 +112,10 @@ def learn(
             trusted = mark[i, nu + o] <= 2 or mark[i, nu + o] == 5
             for a in range(nu):
                 trusted = trusted and (mark[i, a] <= 2 or mark[i, a] == 5)
-            out[i, o] = predicted
-            residual[i, o] = y[i, o] - predicted if trusted else np.nan
-            moving = gate[o] < 0 or abs(u[i, max(gate[o], 0)]) > above[o]
+            rows.y[i, o] = predicted
+            rows.residual[i, o] = y[i, o] - predicted if trusted else np.nan
+            gate = fixed.gate[o]
+            moving = gate < 0 or abs(u[i, max(gate, 0)]) > fixed.above[o]
             if not trusted or not moving or not math.isfinite(around):
                 continue
-            inform(matrix, vector, phi[i, o], at[o], weight[o], around)
+            inform(matrix, vector, phi[i, o], fixed.at[o], fixed.weight[o], around)
