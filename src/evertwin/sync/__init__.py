@@ -10,12 +10,8 @@ from typing import TYPE_CHECKING
 from evertwin.surface import surface
 
 if TYPE_CHECKING:
-    from evertwin.sync.align import (
-        Align as Align,
-        AlignState as AlignState,
-        Feed as Feed,
-        Rows as Rows,
-    )
+    from evertwin.sync.align import Align as Align, Feed as Feed
+    from evertwin.sync.align_state import AlignState as AlignState, Rows as Rows
     from evertwin.sync.arbiter import Arbiter as Arbiter, Phases as Phases, Rule as Rule
     from evertwin.sync.horizon import (
         Horizon as Horizon,

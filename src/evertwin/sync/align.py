@@ -33,21 +33,22 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from evertwin.errors import DataError, UsageError
-from evertwin.fold import Block, Chunk, Event, Out
+from evertwin.fold import Chunk, Event, Out
 from evertwin.fold.block import LARGEST
 from evertwin.signals import Layout
 from evertwin.sync import align_loop as loop
 from evertwin.sync import on_row_loop as on_row
 from evertwin.sync import pace_loop
+from evertwin.sync.align_state import AlignNotes, AlignSettings, AlignState, Rows
 from evertwin.sync.horizon import nanoseconds
 from evertwin.sync.horizon_loop import NEVER
 from evertwin.sync.lost_loop import given_all
-from evertwin.types import Bools, Float64, Inputs, Int64, Intervals, Marks, Outputs, Stamps, Tasks
+from evertwin.types import Float64, Stamps
 
 NOTES = 64
 WORTH = 64
@@ -81,52 +82,6 @@ class Feed:
     def width(self) -> int:
         """Number of columns."""
         return len(self.channels) + self.framed
-
-
-class AlignState(NamedTuple):
-    """State of `Align`.
-
-    >>> AlignState._fields[0]
-    'clock'
-    """
-
-    clock: Int64[np.ndarray, " clock"]
-    sources: Int64[np.ndarray, "sources memory"]
-    times: Int64[np.ndarray, "sources depth"]
-    """Stamps that wait, per source, a sorted ring."""
-    values: Float64[np.ndarray, "sources depth width"]
-    known_t: Int64[np.ndarray, " channels"]
-    """Stamp of each channel's newest finite value at or before the last row."""
-    known_v: Float64[np.ndarray, " channels"]
-    broken_t: Int64[np.ndarray, " channels"]
-    """Stamp of its newest infinite one."""
-    habits: Int64[np.ndarray, "channels memory"]
-    """With what a command comes (`evertwin.sync.lost_loop`)."""
-    pace: Int64[np.ndarray, " memory"]
-    """Newest intervals between samples, whichever source they are of
-    (`evertwin.sync.pace_loop`)."""
-
-
-class Rows(NamedTuple):
-    """Rows that left; `block` gives them as a `Block`.
-
-    >>> Rows._fields[:2]
-    ('number', 't')
-    """
-
-    number: Int64[np.ndarray, " n"]
-    t: Stamps
-    dt: Intervals
-    u: Inputs
-    y: Outputs
-    mark: Marks
-    task: Tasks
-    gap: Bools
-
-    @property
-    def block(self) -> Block:
-        """The rows as a block."""
-        return Block(int(self.number[0]), *self[1:])
 
 
 @dataclass(frozen=True)
@@ -182,7 +137,7 @@ class Align:
             raise UsageError(f"rate: expected a number of rows per second, got {self.rate}")
 
     @cached_property
-    def _plan(self) -> tuple[Int64[np.ndarray, "sources two"], Int64[np.ndarray, "channels five"]]:
+    def _fixed(self) -> AlignSettings:
         plan = [(nanoseconds(feed.slack), nanoseconds(feed.timeout)) for feed in self.feeds]
         table = []
         for channel in self.inputs:
@@ -193,7 +148,11 @@ class Align:
             table.append(
                 (*self._place(channel.name), loop.MEASURED, channel.kind == "angle", False)
             )
-        return np.array(plan, dtype=np.int64), np.array(table, dtype=np.int64)
+        return AlignSettings(
+            np.array(plan, dtype=np.int64), np.array(table, dtype=np.int64),
+            nanoseconds(self.gap), 0.0 if self.rate is None else 1e9 / self.rate,
+            nanoseconds(self.jump), self.cut and self.rate is not None, self.usual,
+        )  # fmt: skip
 
     def _place(self, channel: str) -> tuple[int, int]:
         name = self.recorded.get(channel, channel)
@@ -203,11 +162,6 @@ class Align:
     @cached_property
     def _sources(self) -> dict[str, int]:
         return {feed.name: s for s, feed in enumerate(self.feeds)}
-
-    @cached_property
-    def _times(self) -> tuple[int, float, int]:
-        period = 0.0 if self.rate is None else 1e9 / self.rate
-        return nanoseconds(self.gap), period, nanoseconds(self.jump)
 
     def init(self) -> AlignState:
         """The state before the first sample."""
@@ -269,18 +223,15 @@ class Align:
         return self._run(state, none, loop.FINISH)
 
     def _run(self, state: AlignState, chunk: Chunk, s: int) -> tuple[AlignState, Out]:
-        t, v = np.ascontiguousarray(chunk.t), np.ascontiguousarray(chunk.v, dtype=np.float64)
-        parts, events, start = [], [], 0
-        while start < len(t):
-            rows = self._room(len(t) - start + sum(state.sources[:, on_row.COUNT].tolist()) + 1)
+        samples = np.ascontiguousarray(chunk.t), np.ascontiguousarray(chunk.v, dtype=np.float64)
+        parts, events, start, count = [], [], 0, len(chunk.t)
+        while start < count:
+            rows = self._room(count - start + sum(state.sources[:, on_row.COUNT].tolist()) + 1)
             channels = len(self.inputs) + len(self.outputs)
             found = np.empty((NOTES + len(self.feeds) + channels, 6), dtype=np.int64)
-            extent = np.zeros(2, dtype=np.int64)
-            start = loop.push(
-                s, start, t, v, chunk.task, *self._plan, *state, *rows, found, extent, *self._times,
-                self.cut and self.rate is not None, self.usual,
-            )  # fmt: skip
-            given, said = extent.tolist()
+            notes = AlignNotes(found, np.zeros(2, dtype=np.int64))
+            start = loop.push(s, start, (*samples, chunk.task), self._fixed, state, rows, notes)
+            given, said = notes.extent.tolist()
             if given:
                 parts.append(Rows(*[column[:given] for column in rows]))
             events += [self._event(note) for note in found[:said].tolist()]
@@ -309,7 +260,7 @@ class Align:
         if not (begun and calm and clock[loop.ANEW] == 0):
             return None
         t = chunk.t + (source[on_row.OFFSET] + clock[loop.SHIFT])
-        columns = self._plan[1][:, on_row.COLUMN]
+        columns = self._fixed.channels[:, on_row.COLUMN]
         values = chunk.v[:, columns]
         sound = np.isfinite(values).all() and not (np.abs(chunk.v) > LARGEST).any()
         if not (sound and t[0] > clock[loop.LAST] and (t[1:] > t[:-1]).all()):
@@ -325,7 +276,7 @@ class Align:
         self, state: AlignState, t: Stamps, values: Float64[np.ndarray, "n channels"], chunk: Chunk
     ) -> Rows:
         n, nu, clock = len(t), len(self.inputs), state.clock
-        held = self._plan[1][:nu, on_row.HOW] == loop.HOLD
+        held = self._fixed.channels[:nu, on_row.HOW] == loop.HOLD
         u, mark = values[:, :nu].copy(), np.zeros(values.shape, dtype=np.uint8)
         u[1:, held] = values[:-1, :nu][:, held]
         u[0, held] = state.known_v[:nu][held]
@@ -345,9 +296,9 @@ class Align:
         state.times[0, places], state.values[0, places] = t[-kept:], chunk.v[-kept:]
         state.sources[0, on_row.HEAD] = (state.sources[0, on_row.HEAD] + n) % self.depth
         state.known_t[:], state.known_v[:] = t[-1], values[-1]
-        for k in np.flatnonzero(self._plan[1][:, on_row.LOSES]).tolist():
-            given_all(state.habits, chunk.v, k, int(self._plan[1][k, on_row.COLUMN]))
-        tasks, gap = np.full(n, chunk.task, dtype=np.int64), steps > self._times[0]
+        for k in np.flatnonzero(self._fixed.channels[:, on_row.LOSES]).tolist():
+            given_all(state.habits, chunk.v, k, int(self._fixed.channels[k, on_row.COLUMN]))
+        tasks, gap = np.full(n, chunk.task, dtype=np.int64), steps > self._fixed.gap
         state.pace[pace_loop.TAKEN] = t[-1]
         return Rows(
             number, t, steps * 1e-9, u, np.ascontiguousarray(values[:, nu:]), mark, tasks, gap

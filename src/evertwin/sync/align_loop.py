@@ -13,6 +13,7 @@ import numpy as np
 from evertwin.compiled.functions import njit
 from evertwin.compiled.memory import borrowed
 from evertwin.fold.block import LARGEST
+from evertwin.sync.align_state import AlignNotes, AlignSettings, AlignState, Rows
 from evertwin.sync.horizon_loop import NEVER
 from evertwin.sync.lost_loop import given, missing
 from evertwin.sync.on_row_loop import (
@@ -43,6 +44,7 @@ from evertwin.sync.on_row_loop import (
     borders,
     take_frame,
 )  # fmt: skip
+from evertwin.sync.options import HOT
 from evertwin.sync.pace_loop import TAKEN, is_over, is_told, is_unusual, learn, paced
 
 SLACK, TIMEOUT = 0, 1
@@ -94,9 +96,10 @@ def refuse(notes: Any, clock: Any, sources: Any, s: int, kind: int, stamp: int) 
     sources[s, REPEATED if kind == IS_REPEATED else LATE] += 1
 
 
-@njit(cache=True, error_model="numpy")
-def insert(sources: Any, times: Any, values: Any, s: int, stamp: int, v: Any, i: int) -> bool:
+@njit(**HOT)
+def insert(state: Any, s: int, stamp: int, sample: Any) -> bool:
     """Puts a sample into the sorted ring; False if its stamp is there already."""
+    sources, times, values = state.sources, state.times, state.values
     depth, k = times.shape[1], sources[s, COUNT]
     head = sources[s, HEAD]
     while k > 0 and times[s, (head + k - 1) % depth] > stamp:
@@ -107,9 +110,9 @@ def insert(sources: Any, times: Any, values: Any, s: int, stamp: int, v: Any, i:
         times[s, (head + m) % depth] = times[s, (head + m - 1) % depth]
         values[s, (head + m) % depth] = values[s, (head + m - 1) % depth]
     times[s, (head + k) % depth] = stamp
-    for c in range(v.shape[1]):
-        absurd = abs(v[i, c]) > LARGEST
-        values[s, (head + k) % depth, c] = np.inf if absurd else v[i, c]
+    for c in range(sample.shape[0]):
+        absurd = abs(sample[c]) > LARGEST
+        values[s, (head + k) % depth, c] = np.inf if absurd else sample[c]
     sources[s, COUNT] += 1
     return True
 
@@ -140,12 +143,10 @@ def jumped(notes: Any, clock: Any, sources: Any, s: int, kind: int, stamp: int) 
     return int(right)
 
 
-@njit(cache=True, error_model="numpy")
-def accept(
-    plan: Any, clock: Any, sources: Any, times: Any, values: Any, notes: Any, s: int, stamp: int,
-    v: Any, i: int, jump: int,
-) -> None:  # fmt: skip
+@njit(**HOT)
+def accept(state: Any, notes: Any, s: int, stamp: int, sample: Any, jump: int) -> None:
     """One sample: waiting, late, repeated, or from a clock that was set anew."""
+    clock, sources = state.clock, state.sources
     late = clock[ROW] > 0 and stamp <= clock[LAST]
     ahead = newest(sources)
     far = (late and clock[LAST] - stamp > jump) or (ahead != NEVER and stamp - ahead > jump)
@@ -158,7 +159,7 @@ def accept(
         same = late and not far and stamp == sources[s, NEWEST]
         refuse(notes, clock, sources, s, IS_REPEATED if same else kind, stamp)
         return
-    if not insert(sources, times, values, s, stamp, v, i):
+    if not insert(state, s, stamp, sample):
         refuse(notes, clock, sources, s, IS_REPEATED, stamp)
         return
     end_run(notes, clock, sources, s)
@@ -192,13 +193,11 @@ def oldest(sources: Any, times: Any) -> int:
 
 
 @njit(cache=True, error_model="numpy")
-def consume(
-    channels: Any, clock: Any, sources: Any, times: Any, values: Any, known: Any, notes: Any,
-    until: int,
-) -> None:  # fmt: skip
+def consume(channels: Any, state: Any, notes: Any, until: int) -> None:
     """Takes the samples up to ``until`` out of the rings and remembers them per channel."""
-    known_t, known_v, broken_t, habit, pace = known
-    depth = times.shape[1]
+    clock, sources, times, values = state.clock, state.sources, state.times, state.values
+    known_t, known_v, habit, depth = state.known_t, state.known_v, state.habits, times.shape[1]
+    pace = state.pace
     for s in range(sources.shape[0]):
         while sources[s, COUNT] > 0 and times[s, sources[s, HEAD]] <= until:
             head = sources[s, HEAD]
@@ -213,7 +212,7 @@ def consume(
                             given(habit, values[s, head], k, channels[k, COLUMN])
                         continue
                     if np.isinf(value):
-                        broken_t[k] = times[s, head]
+                        state.broken_t[k] = times[s, head]
                     if loses and missing(habit, values[s, head], k):
                         known_v[k] = np.nan
                         tell(notes, clock, k, LOST, (times[s, head], times[s, head], 1))
@@ -221,19 +220,16 @@ def consume(
             sources[s, COUNT] -= 1
 
 
-@njit(cache=True, error_model="numpy")
-def emit(
-    channels: Any, clock: Any, sources: Any, times: Any, values: Any, known: Any, rows: Any,
-    notes: Any, stamp: int, rule: Any,
-) -> None:  # fmt: skip
+@njit(**HOT)
+def emit(fixed: Any, state: Any, rows: Any, notes: Any, stamp: int) -> None:
     """The next row, with stamp ``stamp``."""
-    number, t, dt, u, y, mark, task, new = rows
-    known_t, known_v, broken_t, _, pace = known
-    gap, period, _, usual = rule
-    grid, nu, at, came = period > 0, u.shape[1], notes[1][0], oldest(sources, times)
+    channels, gap, usual, grid = fixed.channels, fixed.gap, fixed.usual, fixed.period > 0
+    clock, known_t, known_v, pace = state.clock, state.known_t, state.known_v, state.pace
+    u, y, mark, new, at = rows.u, rows.y, rows.mark, rows.gap, notes.extent[0]
+    nu, came = u.shape[1], oldest(state.sources, state.times)
     first = clock[BEGUN] == 0 or clock[ANEW] == 1
-    number[at], t[at], task[at] = clock[ROW], stamp, clock[TASK]
-    dt[at] = 0.0 if clock[BEGUN] == 0 else (stamp - clock[LAST]) * 1e-9
+    rows.number[at], rows.t[at], rows.task[at] = clock[ROW], stamp, clock[TASK]
+    rows.dt[at] = 0.0 if clock[BEGUN] == 0 else (stamp - clock[LAST]) * 1e-9
     new[at] = first or stamp - clock[LAST] > gap
     if (usual or gap < np.iinfo(np.int64).max) and clock[BEGUN] == 1 and came <= stamp:
         passed = came - pace[TAKEN]
@@ -243,9 +239,9 @@ def emit(
                 tell(notes, clock, 0, HOLE, (came - passed, came, 0))
         learn(pace, passed)
     for k in range(nu):
-        u[at, k] = acted(channels, sources, times, values, known_v[k], k, (clock[LAST], stamp))
+        u[at, k] = acted(channels, state, k, (clock[LAST], stamp))
         mark[at, k] = OK if known_t[k] == clock[LAST] else HELD
-    consume(channels, clock, sources, times, values, known, notes, stamp)
+    consume(channels, state, notes, stamp)
     for k in range(channels.shape[0]):
         how = channels[k, HOW]
         if how == HOLD and clock[BEGUN] == 1:
@@ -255,10 +251,10 @@ def emit(
         value, level = np.nan, ABSENT
         if known_t[k] == stamp:
             value, level = known_v[k], OK
-        elif broken_t[k] == stamp:
+        elif state.broken_t[k] == stamp:
             level = ERROR
         elif known_t[k] != NEVER and (how == LINE or (how == MEASURED and grid)):
-            value, level = between(channels, sources, times, values, known, k, stamp, gap)
+            value, level = between(channels, state, k, stamp, gap)
             level = level if how == LINE else OK
         if how != MEASURED and value != value and known_t[k] != NEVER:
             value, level = known_v[k], max(HELD, level if level == ERROR else HELD)
@@ -286,14 +282,11 @@ def quiet(plan: Any, clock: Any, sources: Any, notes: Any) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def release(
-    plan: Any, channels: Any, clock: Any, sources: Any, times: Any, values: Any, known: Any,
-    rows: Any, notes: Any, rule: Any, everything: bool,
-) -> bool:  # fmt: skip
+def release(fixed: Any, state: Any, rows: Any, notes: Any, everything: bool) -> bool:
     """Lets rows leave; False if the output is full."""
-    gap, period, cut, usual = rule
-    extent, capacity, depth = notes[1], rows[1].shape[0], times.shape[1]
-    spare = notes[0].shape[0] - 4 - sources.shape[0] - channels.shape[0]
+    clock, sources, times, pace = state.clock, state.sources, state.times, state.pace
+    channels, period, extent, depth = fixed.channels, fixed.period, notes.extent, times.shape[1]
+    spare = notes.found.shape[0] - 4 - sources.shape[0] - channels.shape[0]
     while True:
         stamp = following = oldest(sources, times)
         if stamp == np.iinfo(np.int64).max:
@@ -302,37 +295,38 @@ def release(
         if period > 0:
             if clock[BEGUN] == 0 or clock[ANEW] == 1:
                 clock[GRID], clock[STEP] = stamp, 0
-            elif is_over(stamp - clock[LAST], gap, cut, sources[:, PACE]):
+            elif is_over(stamp - clock[LAST], fixed.gap, fixed.cut, sources[:, PACE]):
                 # Nothing was measured: no rows; the grid starts again behind the gap.
                 clock[GRID], clock[STEP], clock[ANEW] = stamp, 0, 1
             following = clock[GRID] + int(np.rint(clock[STEP] * period))
             if everything and following > newest(sources):
-                consume(channels, clock, sources, times, values, known, notes, newest(sources))
+                consume(channels, state, notes, newest(sources))
                 return True
-        if not (everything or full or edge(plan, clock, sources) >= following):
+        if not (everything or full or edge(fixed.sources, clock, sources) >= following):
             return True
         resumed = clock[BEGUN] == 0 or clock[ANEW] == 1
-        unusual = usual and period > 0 and is_unusual(known[4], stamp - known[4][TAKEN])
-        if not resumed and (unusual or borders(sources, times, values, following)):
+        unusual = fixed.usual and period > 0 and is_unusual(pace, stamp - pace[TAKEN])
+        if not resumed and (unusual or borders(sources, times, state.values, following)):
             clock[ANEW] = 1
             continue
         stamp = following
-        if extent[0] >= capacity or extent[1] > spare:
+        if extent[0] >= rows.t.shape[0] or extent[1] > spare:
             return False
-        forced = full and not everything and edge(plan, clock, sources) < stamp
+        forced = full and not everything and edge(fixed.sources, clock, sources) < stamp
         if forced and not clock[FORCED]:
             tell(notes, clock, 0, OVERFLOW, (stamp, stamp, sources[:, COUNT].max()))
         clock[FORCED] = forced
-        emit(channels, clock, sources, times, values, known, rows, notes, stamp, rule)
+        emit(fixed, state, rows, notes, stamp)
         extent[0] += 1
         clock[STEP] += 1
 
 
 @njit(cache=True, error_model="numpy")
-def open_task(clock: Any, sources: Any, known: Any, notes: Any, task: int, stamp: int) -> None:
+def open_task(state: Any, notes: Any, task: int, stamp: int) -> None:
     """Another task: nothing is held over from the one before, and stamps lie behind it."""
-    known_t, known_v, broken_t, habit, _ = known
-    known_t[:], known_v[:], broken_t[:], habit[:] = NEVER, np.nan, NEVER, 0
+    clock, sources = state.clock, state.sources
+    state.known_t[:], state.known_v[:], state.broken_t[:] = NEVER, np.nan, NEVER
+    state.habits[:] = 0
     sources[:, NEWEST], clock[SHIFT], clock[NOW] = NEVER, 0, NEVER
     if clock[ROW] > 0 and stamp <= clock[LAST]:
         clock[SHIFT] = clock[LAST] + MOVE - stamp
@@ -340,31 +334,44 @@ def open_task(clock: Any, sources: Any, known: Any, notes: Any, task: int, stamp
     clock[TASK], clock[BEGUN], clock[ANEW] = task, 0, 1
 
 
-@njit("v", cache=True, error_model="numpy")
-def push(
-    s: int, start: int, t: Any, v: Any, task: int, settings: Any, wiring: Any, counters: Any,
-    memory: Any, ring_t: Any, ring_v: Any, known_t: Any, known_v: Any, broken_t: Any, habits: Any,
-    pace: Any, number: Any, row_t: Any, dt: Any, u: Any, y: Any, mark: Any, tasks: Any, new: Any,
-    found: Any, extent: Any,
-    gap: int, period: float, jump: int, cut: bool, usual: bool,
-) -> int:  # fmt: skip
+@njit(**HOT)
+def lent_state(state: AlignState) -> AlignState:
+    """The same arrays without an owner."""
+    return AlignState(
+        borrowed(state.clock), borrowed(state.sources), borrowed(state.times),
+        borrowed(state.values), borrowed(state.known_t), borrowed(state.known_v),
+        borrowed(state.broken_t), borrowed(state.habits), borrowed(state.pace),
+    )  # fmt: skip
+
+
+@njit(**HOT)
+def lent_rows(rows: Rows) -> Rows:
+    """The same arrays without an owner."""
+    number, gap, task = borrowed(rows.number), borrowed(rows.gap), borrowed(rows.task)
+    t, dt, u, y = borrowed(rows.t), borrowed(rows.dt), borrowed(rows.u), borrowed(rows.y)
+    return Rows(number, t, dt, u, y, borrowed(rows.mark), task, gap)
+
+
+@njit("samples", cache=True, error_model="numpy")
+def push(s: int, start: int, samples: Any, given: Any, kept: Any, out: Any, told: Any) -> int:
     """Samples from ``start`` on, until the output is full; gives the next one.
 
-    ``s`` is a source, TICK, or FINISH: then everything leaves, and 1 says that it has.
+    Args:
+        s: a source, TICK, or FINISH: then everything leaves, and 1 says that it has.
+        samples: stamps, values and task.
+        given: `AlignSettings`.
+        kept: `AlignState`.
+        out: `Rows`, filled from the front.
+        told: `AlignNotes`.
     """
-    plan, channels, clock = borrowed(settings), borrowed(wiring), borrowed(counters)
-    sources, times, values = borrowed(memory), borrowed(ring_t), borrowed(ring_v)
-    last = borrowed(known_t), borrowed(known_v), borrowed(broken_t)
-    known = (*last, borrowed(habits), borrowed(pace))
-    notes = borrowed(found), borrowed(extent)
-    heads = borrowed(number), borrowed(row_t), borrowed(dt), borrowed(u)
-    rule = gap, period, cut, usual
-    rows = (*heads, borrowed(y), borrowed(mark), borrowed(tasks), borrowed(new))
-    room = found.shape[0] - 8 - sources.shape[0] - channels.shape[0]
+    (t, values, task), state, rows = samples, lent_state(kept), lent_rows(out)
+    v, notes = borrowed(values), AlignNotes(borrowed(told.found), borrowed(told.extent))
+    lent, rule = (borrowed(given.sources), borrowed(given.channels)), (given.gap, given.period)
+    fixed = AlignSettings(*lent, *rule, given.jump, given.cut, given.usual)
+    clock, sources, extent = state.clock, state.sources, notes.extent
+    room = notes.found.shape[0] - 8 - sources.shape[0] - fixed.channels.shape[0]
     if s == FINISH:
-        done = release(
-            plan, channels, clock, sources, times, values, known, rows, notes, rule, True
-        )
+        done = release(fixed, state, rows, notes, True)
         for k in range(sources.shape[0] if done else 0):
             end_run(notes, clock, sources, k)
         return int(done)
@@ -374,26 +381,20 @@ def push(
         if clock[PENDING] == 0:
             if s < 0:
                 clock[NOW] = max(clock[NOW], t[i] + clock[SHIFT])
-                quiet(plan, clock, sources, notes)
+                quiet(fixed.sources, clock, sources, notes)
             elif task < clock[TASK]:
                 refuse(notes, clock, sources, s, IS_LATE, t[i])
             else:
                 if task > clock[TASK]:
-                    if not release(
-                        plan, channels, clock, sources, times, values, known, rows, notes, rule,
-                        True,
-                    ):  # fmt: skip
+                    if not release(fixed, state, rows, notes, True):
                         return int(i)
-                    open_task(clock, sources, known, notes, task, t[i])
+                    open_task(state, notes, task, t[i])
                 stamp = t[i] + sources[s, OFFSET] + clock[SHIFT]
-                if cut and sources[s, NEWEST] != NEVER:
+                if fixed.cut and sources[s, NEWEST] != NEVER:
                     sources[s, PACE] = paced(sources[s, PACE], stamp - sources[s, NEWEST])
-                accept(plan, clock, sources, times, values, notes, s, stamp, v, i, jump)
+                accept(state, notes, s, stamp, v[i], fixed.jump)
         clock[PENDING] = 1
-        done = release(
-            plan, channels, clock, sources, times, values, known, rows, notes, rule, False
-        )
-        if not done or extent[1] > room:
+        if not release(fixed, state, rows, notes, False) or extent[1] > room:
             return int(i)
         clock[PENDING] = 0
     return int(t.shape[0])

@@ -10,7 +10,7 @@ filter goes on with the point reflection of the stretch; outputs there are absen
 filter makes of an end is compared with nothing. What a speed is derived from goes ``steady``: a few
 rows that leave it and are back are taken from their neighbours.
 
->>> from evertwin.sync.align import Rows
+>>> from evertwin.sync.align_state import Rows
 >>> t = np.arange(5) * 10**9
 >>> one = np.ones(5)
 >>> rows = Rows(np.arange(5), t, one, np.zeros((5, 0)), np.arange(5.0)[:, None] ** 2,
@@ -35,7 +35,7 @@ from evertwin.errors import ConfigError
 from evertwin.fold import Event
 from evertwin.signals.fir import Symmetric, slopes
 from evertwin.sync import derive_loop as loop
-from evertwin.sync.align import Rows
+from evertwin.sync.align_state import Rows
 from evertwin.sync.steady_loop import LONGEST
 from evertwin.types import Vector
 

@@ -51,9 +51,9 @@ LEVELS, LEVEL = 10, 0.1
 that parts two."""
 APART = 30.0
 """Widths by which a value is outside the range of fewer: a step to ten times the last is not."""
-SELDOM, LIVELY = 16, 0.25
-"""Rows of which one says whether a model is in scale; share of the largest value of its range from
-which on an input does much."""
+OFTEN, LIVELY = 4, 0.25
+"""Rows of which one says whether a model is in scale, and where that is known, such rows of which
+one does; share of the largest value of its range from which on an input does much."""
 RECORDED, HELD, NOTHING, UNKNOWN, UNITS = range(5)
 """Hypotheses: the input as recorded, as it was, none, one that nobody knows; from then on, divided
 by each factor."""
@@ -158,12 +158,22 @@ def is_asked(inputs: Any, counts: Any, k: int, u: float) -> bool:
     return bool(counts[k, at.DOUBTED] < LONGEST and is_beyond(inputs, counts, k, u, least))
 
 
+@njit(**HOT)
+def weighed(inputs: Any, row: int) -> int:
+    """The input that this row says of whether it is in scale; −1: of none."""
+    if row % OFTEN != 0 or inputs.shape[0] == 0:
+        return -1
+    turn = row // OFTEN
+    k = turn % inputs.shape[0]
+    known = abs(inputs[k, at.OVERDONE]) >= SURE
+    return -1 if known and turn // inputs.shape[0] % OFTEN != 0 else int(k)
+
+
 @njit(**COLD)
-def weigh_scale(work: Workspace, dt: float, i: int, row: Any) -> None:
+def weigh_scale(work: Workspace, dt: float, i: int, row: Any, k: int) -> None:
     """One input of a usual row: would the samples be likelier if it did nothing, as where it
     does less than half of what the model says?"""
     (inputs, _), u, (other, x, y, start) = work.known, work.out.u, work.spare
-    k = row[3][0] // SELDOM % u.shape[1]
     most = max(abs(inputs[k, at.LOWEST]), abs(inputs[k, at.HIGHEST]))
     if not abs(u[i, k]) > LIVELY * most:
         return

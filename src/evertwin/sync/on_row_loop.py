@@ -11,6 +11,7 @@ import numpy as np
 
 from evertwin.compiled.functions import njit
 from evertwin.sync.horizon_loop import wrapped
+from evertwin.sync.options import HOT
 from evertwin.sync.pace_loop import is_hole
 
 SOURCE, COLUMN, HOW, TURNS, LOSES = range(5)
@@ -27,13 +28,12 @@ its usual interval (where rows are cut at holes), the column that numbers the fr
 OK, ABSENT, HELD, UNSEEN, ERROR = 0, 1, 2, 3, 6
 
 
-@njit(cache=True, error_model="numpy")
-def acted(
-    channels: Any, sources: Any, times: Any, values: Any, held: float, k: int, interval: Any
-) -> float:
+@njit(**HOT)
+def acted(channels: Any, state: Any, k: int, interval: Any) -> float:
     """Mean of command ``k`` over an interval that it may change within, as on a grid it does."""
+    sources, times, values = state.sources, state.times, state.values
     s, depth, turns = channels[k, SOURCE], times.shape[1], channels[k, TURNS] > 0
-    begin, end = interval
+    (begin, end), held = interval, state.known_v[k]
     total, value, since = 0.0, held, begin
     for m in range(sources[s, COUNT]):
         place = (sources[s, HEAD] + m) % depth
@@ -44,7 +44,7 @@ def acted(
             total += wrapped(value - held, turns) * (times[s, place] - since)
             value, since = new, times[s, place]
     if since == begin:
-        return held
+        return float(held)
     total += wrapped(value - held, turns) * (end - since)
     return float(wrapped(held + total / (end - begin), turns))
 
@@ -93,12 +93,11 @@ def on_the_way(before: float, after: float, part: float, turns: bool) -> float:
     return float(before + (after - before) * part)
 
 
-@njit(cache=True, error_model="numpy")
-def between(
-    channels: Any, sources: Any, times: Any, values: Any, known: Any, k: int, stamp: int, gap: int
-) -> Any:
+@njit(**HOT)
+def between(channels: Any, state: Any, k: int, stamp: int, gap: int) -> Any:
     """(channel ``k`` on the line to its next finite sample that waits, its mark); NaN without."""
-    known_t, known_v = known[:2]
+    sources, times, values = state.sources, state.times, state.values
+    known_t, known_v = state.known_t, state.known_v
     s, depth = channels[k, SOURCE], times.shape[1]
     for m in range(sources[s, COUNT]):
         place = (sources[s, HEAD] + m) % depth

@@ -21,7 +21,14 @@ from evertwin.sync.input_loop import (
     refuse_impossible,
     usual_instead,
 )
-from evertwin.sync.input_unit_loop import REACH, SELDOM, ask, name_units, weigh_scale, weigh_units
+from evertwin.sync.input_unit_loop import (
+    REACH,
+    ask,
+    name_units,
+    weigh_scale,
+    weigh_units,
+    weighed,
+)
 from evertwin.sync.options import COLD, HOT
 from evertwin.sync.plausible_loop import has_moved
 from evertwin.sync.track_state import ASKED, BEGUN, FAILED, FIRST_FAILED, TASK
@@ -104,8 +111,9 @@ def predict_row(work: Workspace, i: int, now: Any) -> tuple[bool, int]:
     judged, follows = not anew and stateful, follows or not stateful
     nanoseconds = np.int64(np.rint(1e9 * block.dt[i]))
     row = work.members, work.case.sample[1], work.marked, now, phase, nanoseconds
-    if judged and usual and moved and now[0] % SELDOM == 0:
-        weigh_scale(work, block.dt[i], i, row)
+    k = weighed(ranges, now[0]) if judged and usual and moved else -1
+    if k >= 0:
+        weigh_scale(work, block.dt[i], i, row, k)
     if judged and not usual and is_any_beyond(ranges, beliefs, work.out.u, i, 0.0):
         follows, doubted, asked = question(work, block.dt[i], i, row, failed)
         if doubted:
