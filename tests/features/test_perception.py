@@ -11,7 +11,7 @@ import pytest
 
 from evertwin.errors import DataError
 from evertwin.features.perception import WAITING, Perception, PerceptionState
-from evertwin.features.told import Placed
+from evertwin.features.placed import Placed
 from evertwin.fold import Chunk, Out
 from evertwin.fold.laws import join
 from evertwin.fold.state import copy, equal, load, save

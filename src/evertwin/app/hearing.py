@@ -37,7 +37,7 @@ CLOCK = "t [s]"
 """Column of the times of arrival, for machines that say none."""
 
 
-def unknown(site: Path, force: bool) -> Plan:
+def first_without_file(site: Path, force: bool) -> Plan:
     """The first twin of a site file that has no twin file yet; with ``force`` the first of all.
 
     Raises:
@@ -56,7 +56,7 @@ def unknown(site: Path, force: bool) -> Plan:
     return found
 
 
-def heard(plan: Plan, seconds: float) -> tuple[dict[Path, str], list[str]]:
+def read_machine(plan: Plan, seconds: float) -> tuple[dict[Path, str], list[str]]:
     """Recordings by the name of their source, and what has to be said in the site file.
 
     Args:

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import typer
 
 from evertwin.app.console import Progress, show
-from evertwin.app.hearing import heard, unknown
+from evertwin.app.hearing import first_without_file, read_machine
 from evertwin.config import read
 from evertwin.errors import UsageError
 from evertwin.files import write_whole
@@ -265,8 +265,8 @@ def write_for_site(
     Raises:
         UsageError: each twin has its file, or the machine says nothing.
     """
-    plan = unknown(site, out[1])
-    found, notes = heard(plan, seconds)
+    plan = first_without_file(site, out[1])
+    found, notes = read_machine(plan, seconds)
     with_names = said._replace(sources=found)
     write_starter(tuple(found), out[0] or plan.file, model, out[1], as_json, with_names)
     for note in (*notes, f"as its machine speaks: evertwin doctor {site}, evertwin serve {site}"):

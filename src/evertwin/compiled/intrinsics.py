@@ -52,16 +52,25 @@ def call_real(typing: Any, address: Any, *numbers: Any) -> Any:
 
 
 @intrinsic
-def borrowed(typing: Any, array: Any) -> Any:
-    """The array without an owner."""
+def borrowed(typing: Any, lent: Any) -> Any:
+    """An array, or all of a tuple, without an owner."""
 
     def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        view = context.make_array(signature.args[0])(context, builder, arguments[0])
+        return _disowned(context, builder, signature.args[0], arguments[0])
+
+    return lent(lent), code
+
+
+def _disowned(context: Any, builder: Any, kind: Any, value: Any) -> Any:
+    if isinstance(kind, types.Array):
+        view = context.make_array(kind)(context, builder, value)
         view.meminfo = cgutils.get_null_value(view.meminfo.type)
         view.parent = cgutils.get_null_value(view.parent.type)
         return view._getvalue()
-
-    return array(array), code
+    for k, one in enumerate(kind if isinstance(kind, types.BaseTuple) else ()):
+        part = _disowned(context, builder, one, builder.extract_value(value, k))
+        value = builder.insert_value(value, part, k)
+    return value
 
 
 @intrinsic

@@ -8,11 +8,13 @@
 from __future__ import annotations
 
 import ctypes
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from evertwin.compiled.functions import instead
+
+Lent = TypeVar("Lent")
 
 SCRATCH = 160
 """Reals in one piece of working memory."""
@@ -29,13 +31,14 @@ def carray(pointer: Any, shape: tuple[int, ...]) -> Any:
 
 
 @instead("evertwin.compiled.intrinsics:borrowed")
-def borrowed(array: Any) -> Any:
-    """The array without an owner: whoever borrows must not outlive who lends.
+def borrowed(lent: Lent) -> Lent:
+    """An array, or all arrays of a tuple, without an owner: whoever borrows must not outlive who
+    lends.
 
     Numba counts references to an array atomically, at each call and each assignment; in a loop
     that judges one row after the other this costs more than the judging.
     """
-    return array
+    return lent
 
 
 @instead("evertwin.compiled.intrinsics:reals")

@@ -24,7 +24,7 @@ from evertwin.config import TwinSpec, place
 from evertwin.config.spec import PerceptionSpec
 from evertwin.errors import ConfigError, DataError
 from evertwin.features.perception import Perception, PerceptionState
-from evertwin.features.told import Placed
+from evertwin.features.placed import Placed
 from evertwin.fold import Chunk, Event, Out
 from evertwin.signals.units import conversion_of
 from evertwin.sources.scans import Lidar

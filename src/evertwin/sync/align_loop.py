@@ -13,7 +13,6 @@ import numpy as np
 from evertwin.compiled.functions import njit
 from evertwin.compiled.memory import borrowed
 from evertwin.fold.block import LARGEST
-from evertwin.sync.align_state import AlignNotes, AlignSettings, AlignState, Rows
 from evertwin.sync.horizon_loop import NEVER
 from evertwin.sync.lost_loop import given, missing
 from evertwin.sync.on_row_loop import (
@@ -334,24 +333,6 @@ def open_task(state: Any, notes: Any, task: int, stamp: int) -> None:
     clock[TASK], clock[BEGUN], clock[ANEW] = task, 0, 1
 
 
-@njit(**HOT)
-def lent_state(state: AlignState) -> AlignState:
-    """The same arrays without an owner."""
-    return AlignState(
-        borrowed(state.clock), borrowed(state.sources), borrowed(state.times),
-        borrowed(state.values), borrowed(state.known_t), borrowed(state.known_v),
-        borrowed(state.broken_t), borrowed(state.habits), borrowed(state.pace),
-    )  # fmt: skip
-
-
-@njit(**HOT)
-def lent_rows(rows: Rows) -> Rows:
-    """The same arrays without an owner."""
-    number, gap, task = borrowed(rows.number), borrowed(rows.gap), borrowed(rows.task)
-    t, dt, u, y = borrowed(rows.t), borrowed(rows.dt), borrowed(rows.u), borrowed(rows.y)
-    return Rows(number, t, dt, u, y, borrowed(rows.mark), task, gap)
-
-
 @njit("samples", cache=True, error_model="numpy")
 def push(s: int, start: int, samples: Any, given: Any, kept: Any, out: Any, told: Any) -> int:
     """Samples from ``start`` on, until the output is full; gives the next one.
@@ -364,10 +345,8 @@ def push(s: int, start: int, samples: Any, given: Any, kept: Any, out: Any, told
         out: `Rows`, filled from the front.
         told: `AlignNotes`.
     """
-    (t, values, task), state, rows = samples, lent_state(kept), lent_rows(out)
-    v, notes = borrowed(values), AlignNotes(borrowed(told.found), borrowed(told.extent))
-    lent, rule = (borrowed(given.sources), borrowed(given.channels)), (given.gap, given.period)
-    fixed = AlignSettings(*lent, *rule, given.jump, given.cut, given.usual)
+    (t, v, task), state, rows = borrowed(samples), borrowed(kept), borrowed(out)
+    fixed, notes = borrowed(given), borrowed(told)
     clock, sources, extent = state.clock, state.sources, notes.extent
     room = notes.found.shape[0] - 8 - sources.shape[0] - fixed.channels.shape[0]
     if s == FINISH:

@@ -13,8 +13,6 @@ from evertwin.compiled.calls import call
 from evertwin.compiled.functions import njit
 from evertwin.compiled.memory import borrowed
 from evertwin.models.kernel import ADOPT, ANEW
-from evertwin.sync.horizon_state import HorizonRows, HorizonState
-from evertwin.sync.lending import lent_block
 from evertwin.sync.options import HOT
 
 NEVER = np.iinfo(np.int64).min
@@ -113,25 +111,7 @@ def began(anew: Any, known: Any) -> Any:
 
 
 @njit(**HOT)
-def lent_state(kept: HorizonState) -> HorizonState:
-    """The same arrays without an owner."""
-    return HorizonState(
-        borrowed(kept.x), borrowed(kept.p), borrowed(kept.x0), borrowed(kept.scale),
-        borrowed(kept.square), borrowed(kept.samples), borrowed(kept.adopted), borrowed(kept.clock),
-    )  # fmt: skip
-
-
-@njit(**HOT)
-def lent_rows(out: HorizonRows) -> HorizonRows:
-    """The same arrays without an owner."""
-    return HorizonRows(
-        borrowed(out.y), borrowed(out.residual), borrowed(out.end), borrowed(out.square),
-        borrowed(out.samples),
-    )  # fmt: skip
-
-
-@njit(**HOT)
-def ends(rows: Any, state: Any, i: int, t: int) -> None:
+def end_segment(rows: Any, state: Any, i: int, t: int) -> None:
     """A segment ends at a row, and the next one begins; −1: it counts for nothing."""
     for j in range(state.square.shape[0]):
         if i >= 0:
@@ -143,14 +123,14 @@ def ends(rows: Any, state: Any, i: int, t: int) -> None:
 
 
 @njit(**HOT)
-def starts(fixed: Any, state: Any, rows: Any, i: int, t: int) -> None:
+def start_anew(fixed: Any, state: Any, rows: Any, i: int, t: int) -> None:
     """The state starts anew. What a gap cuts counts if it is half a horizon long."""
     clock, settles, samples = state.clock, fixed.settles, 0
     for j in range(state.samples.shape[0]):
         samples += state.samples[j]
     enough = clock[LAST] - clock[END] >= fixed.horizon // 2 - SLACK
     counts = (enough or fixed.horizon == np.iinfo(np.int64).max) and samples > 0
-    ends(rows, state, i if counts else -1, t)
+    end_segment(rows, state, i if counts else -1, t)
     few = clock[BEGUN] != 0 and (clock[SEGMENTS] < settles or clock[SHORT] > PATIENT)
     clock[SHORT] = clock[SHORT] + 1 if few else 0
     clock[SEGMENTS] = settles if clock[SHORT] > PATIENT else 0
@@ -197,7 +177,7 @@ def run(
     """
     (n, ny), nu, nx = lent.y.shape, lent.u.shape[1], len(kept.x)
     ahead, take = np.empty(nx), np.empty(ny)
-    block, state, rows = lent_block(lent), lent_state(kept), lent_rows(out)
+    block, state, rows = borrowed(lent), borrowed(kept), borrowed(out)
     x, clock, adopted, task = state.x, state.clock, state.adopted, block.task
     c, a, b, taking = context.ctypes.data, x.ctypes.data, ahead.ctypes.data, take.ctypes.data
     for i in range(n):
@@ -206,7 +186,7 @@ def run(
         lasts = block.gap[i] and not anew and fixed.settles > 0
         anew = anew or block.gap[i]
         if anew:
-            starts(fixed, state, rows, i, now)
+            start_anew(fixed, state, rows, i, now)
         clock[BEGUN], clock[TASK], clock[LAST] = 1, task[i], now
         failed = anew and nx > 0
         if not failed and not given:
@@ -226,5 +206,5 @@ def run(
         if taken:
             call(observe, c, a, taking)
         if (taken or nx == 0) and now - clock[END] >= span - SLACK:
-            ends(rows, state, i, now)
+            end_segment(rows, state, i, now)
             clock[SEGMENTS] += 1

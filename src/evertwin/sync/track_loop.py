@@ -26,11 +26,9 @@ from evertwin.sync.judge_loop import (
     present,
     review,
 )
-from evertwin.sync.lending import lent_block
 from evertwin.sync.options import HOT
 from evertwin.sync.predict_loop import predict_row
 from evertwin.sync.run_loop import goes
-from evertwin.sync.track_state import TrackRows
 from evertwin.sync.workspace import Workspace, advance, case_of, fill
 
 
@@ -74,38 +72,32 @@ def run_free(work: Workspace, i: int, dt: float) -> None:
 
 @njit(cache=True, error_model="numpy")
 def run(
-    step: int, observe: int, context: Any, start: int, block: Any, settings: Any, state: Any,
-    out: Any, notes: Any,
+    step: int, observe: int, context: Any, start: int, lent: Any, given: Any, kept: Any, told: Any,
+    said: Any,
 ) -> int:  # fmt: skip
     """Rows from ``start`` on, until the notes are full; gives the next row.
 
     Args:
-        block, settings, state, out, notes: `Block` with arrays in C order, `TrackSettings`,
+        lent, given, kept, told, said: `Block` with arrays in C order, `TrackSettings`,
             `TrackState`, `TrackRows` and `Notes`.
     """
+    block, settings, state = borrowed(lent), borrowed(given), borrowed(kept)
+    out, notes = borrowed(told), borrowed(said)
     (n, ny), nu, nx, ng = block.y.shape, block.u.shape[1], len(state.x), len(settings.rules)
     # The row's own arrays: views into the block would cost a reference count each.
-    measured, predicted, take = np.empty(ny), np.empty(ny), np.empty(ny)
-    marked, room = np.empty(ny, dtype=np.uint8), np.empty(ny, dtype=np.uint64)
-    ahead, other, beyond, expects = np.empty(nx), np.empty(nu), np.empty(nx), np.empty(ny)
-    moves, from_here = np.empty(ny), np.empty(nx)
-    sample = borrowed(room), borrowed(measured), borrowed(predicted), borrowed(take)
-    case = case_of(settings, state, notes, sample, borrowed(expects))
+    room, marked = np.empty(ny, dtype=np.uint64), np.empty(ny, dtype=np.uint8)
+    outputs, inputs, states = np.empty((5, ny)), np.empty(nu), np.empty((3, nx))
+    measured, predicted, take, expects, moves = (
+        borrowed(outputs[0]), borrowed(outputs[1]), borrowed(outputs[2]), borrowed(outputs[3]),
+        borrowed(outputs[4]),
+    )  # fmt: skip
+    ahead, beyond, from_here = borrowed(states[0]), borrowed(states[1]), borrowed(states[2])
+    case = case_of(settings, state, notes, (borrowed(room), measured, predicted, take), expects)
     work = Workspace(
-        case,
-        lent_block(block),
-        TrackRows(
-            borrowed(out.y), borrowed(out.residual), borrowed(out.mark), borrowed(out.update),
-            borrowed(out.sigma), borrowed(out.age), borrowed(out.u), borrowed(out.doubt),
-        ),
-        step, observe, context.ctypes.data, state.p.ctypes.data,
-        borrowed(settings.members), settings.column, borrowed(settings.edges),
-        borrowed(settings.possible), settings.keeps,
-        borrowed(state.x0), borrowed(state.free), borrowed(state.clock),
-        (borrowed(state.ranges), borrowed(state.beliefs)),
-        borrowed(marked), borrowed(ahead),
-        (borrowed(other), borrowed(beyond), borrowed(expects), borrowed(from_here)),
-        borrowed(moves),
+        case, block, out, step, observe, context.ctypes.data, state.p.ctypes.data,
+        settings.members, settings.column, settings.edges, settings.possible, settings.keeps,
+        state.x0, state.free, state.clock, (state.ranges, state.beliefs), borrowed(marked), ahead,
+        (borrowed(inputs), beyond, expects, from_here), moves,
     )  # fmt: skip
     space = len(notes.found) - 8 * ng - 2 * nu
     for i in range(start, n):
@@ -131,8 +123,4 @@ def run(
         adopt(work, now[0])
         expect(work, i, now, phase)
     # The scratch arrays are used here once more, so that they outlive their borrowed forms.
-    return int(
-        n
-        + 0 * (room.size + measured.size + predicted.size + take.size + ahead.size + marked.size)
-        + 0 * (other.size + beyond.size + expects.size + moves.size + from_here.size)
-    )
+    return int(n + 0 * (room.size + marked.size + outputs.size + inputs.size + states.size))

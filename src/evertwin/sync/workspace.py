@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 
 from evertwin.compiled.calls import call
 from evertwin.compiled.functions import njit
-from evertwin.compiled.memory import borrowed
 from evertwin.fold import Block
 from evertwin.sync.options import HOT
 from evertwin.sync.track_state import TrackRows
@@ -83,16 +82,11 @@ class Workspace(NamedTuple):
 def case_of(settings: Any, state: Any, notes: Any, sample: tuple[Any, ...], expects: Any) -> Case:
     """What `TrackSettings`, `TrackState` and `Notes` lend, with room for a row."""
     return Case(
-        (borrowed(settings.limits), borrowed(settings.rules), borrowed(settings.sentinels)),
-        (borrowed(state.values), borrowed(state.numbers), borrowed(state.figures)),
-        (borrowed(state.variance), borrowed(state.counts), borrowed(state.warm)),
-        (
-            borrowed(state.ring), borrowed(state.paths), borrowed(state.times),
-            borrowed(state.rows), borrowed(state.expected),
-        ),
-        (borrowed(state.account), borrowed(state.matter)),
-        (borrowed(notes.found), borrowed(notes.detail), borrowed(notes.extent)),
-        sample, expects, borrowed(state.x), borrowed(state.beside),
+        (settings.limits, settings.rules, settings.sentinels),
+        (state.values, state.numbers, state.figures), (state.variance, state.counts, state.warm),
+        (state.ring, state.paths, state.times, state.rows, state.expected),
+        (state.account, state.matter), (notes.found, notes.detail, notes.extent), sample, expects,
+        state.x, state.beside,
     )  # fmt: skip
 
 
