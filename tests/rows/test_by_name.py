@@ -101,13 +101,18 @@ def test_parts_of_a_whole_are_looked_at_in_each_row() -> None:
         assert same(read(row), alone(spec)(row))
 
 
-def test_a_row_costs_less_than_fifty_microseconds() -> None:
-    """A tenth of the way of a table; the best of several, on a machine that others use."""
+def test_a_row_costs_no_more_than_eight_hundred_sums() -> None:
+    """50 us where Python adds 16 numbers in one; the tenth part, on a machine that others use."""
     read, row = reading(FILED), {"when": 5.0, "v_cmd": 100.0, "x": 7.0}
     read(row)
-    spent = []
+    spent, sums = [], []
     for _ in range(400):
         begin = time.thread_time()
         read(row)
-        spent.append(time.thread_time() - begin)
-    assert np.quantile(spent, 0.1) < 50e-6
+        between = time.thread_time()
+        total = 0
+        for one in range(800):
+            total += one
+        spent.append(between - begin)
+        sums.append(time.thread_time() - between)
+    assert np.quantile(spent, 0.1) < np.quantile(sums, 0.1)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import scipy
 
-from evertwin.app.starting import write_starter
+from evertwin.app.starting import Said, write_starter
 from evertwin.config import read
 from evertwin.errors import UsageError
 from evertwin.starter.oscillator_guess import driven
@@ -28,7 +28,7 @@ def recording(tmp_path: Path) -> Path:
 
 def written(file: Path, *said: str) -> str:
     out = file.parent / "twin.toml"
-    write_starter([file], out, ("", None), True, False, ("", said))
+    write_starter([file], out, ("", None), True, False, Said(answers=said))
     return out.read_text()
 
 

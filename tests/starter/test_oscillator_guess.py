@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from evertwin import Twin
-from evertwin.app.starting import write_starter
+from evertwin.app.starting import Said, write_starter
 from evertwin.starter.oscillator_guess import driven, guess_oscillator
 from planted.draws import first_of
 
@@ -61,7 +61,8 @@ def test_a_spring_that_hardens_ends_in_a_twin_that_fits(tmp_path: Path) -> None:
     lines = [f"{a:.6g},{b + 40.0:.6g}" for a, b in zip(u, y, strict=True)]  # rests anywhere
     (tmp_path / "log.csv").write_text("\n".join(["drive,answer", *lines]))
     twin = tmp_path / "twin.toml"
-    write_starter([tmp_path / "log.csv"], twin, ("", None), False, False, ("", ["log.rate=400 Hz"]))
+    said = Said(answers=["log.rate=400 Hz"])
+    write_starter([tmp_path / "log.csv"], twin, ("", None), False, False, said)
     assert "hardening" in (tmp_path / "twin_model.py").read_text()
     assert "relative = false" in twin.read_text()
     told = Twin(twin).run().parameters

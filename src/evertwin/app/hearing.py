@@ -48,8 +48,8 @@ def first_without_file(site: Path, force: bool) -> Plan:
     if found is None:
         names = ", ".join(one.file.name for one in twins)
         raise UsageError(
-            f"{site}: there already: {names}. Next: evertwin doctor {site}; or say --force to "
-            "read the first machine and propose its file anew"
+            f"{site}: there already: {names}. Say --force to read the first machine and propose "
+            f"its file anew; or next: evertwin doctor {site}"
         )
     if not found.sources:
         raise UsageError(f"{site}: {found.name} has no [[twin.source]]: say where it is heard")
