@@ -101,18 +101,17 @@ def test_parts_of_a_whole_are_looked_at_in_each_row() -> None:
         assert same(read(row), alone(spec)(row))
 
 
-def test_a_row_costs_no_more_than_eight_hundred_sums() -> None:
-    """50 us where Python adds 16 numbers in one; the tenth part, on a machine that others use."""
+def test_a_row_costs_no_more_than_forty_small_operations() -> None:
+    """Of NumPy, beside it: the tenth part of both, on a machine that others use."""
     read, row = reading(FILED), {"when": 5.0, "v_cmd": 100.0, "x": 7.0}
     read(row)
-    spent, sums = [], []
+    few, spent, beside = np.zeros(2), list[float](), list[float]()
     for _ in range(400):
         begin = time.thread_time()
         read(row)
         between = time.thread_time()
-        total = 0
-        for one in range(800):
-            total += one
+        for _ in range(40):
+            (few + 1.0).any()
         spent.append(between - begin)
-        sums.append(time.thread_time() - between)
-    assert np.quantile(spent, 0.1) < np.quantile(sums, 0.1)
+        beside.append(time.thread_time() - between)
+    assert np.quantile(spent, 0.1) < np.quantile(beside, 0.1)

@@ -273,7 +273,8 @@ def _left_out(
 
 
 def _fit_grid(stack: Stack, at: int, own: GridTerm, evidence: Evidence) -> Scored:
-    """A grid: solved at once, for each prior; the best on held-out folds."""
+    """A grid: solved at once, for each prior; the best on held-out folds whose numbers lie within
+    their ends: beyond them rows are met by what no machine does to its input."""
     part = stack.parts[at]
     first = stack.first(at)
     n = len(part.values)
@@ -293,6 +294,8 @@ def _fit_grid(stack: Stack, at: int, own: GridTerm, evidence: Evidence) -> Score
         for noise, values, out in _ridges(mixed, e, prior.noises, evidence):
             q = p.copy()
             q[free.places] += prior.modes @ values / np.sqrt(spread)
+            if (q[free.places] < free.low).any() or (q[free.places] > free.high).any():
+                continue
             name = f"{prior.name}, noise {noise:g}"
             scored = Scored(stack.with_p(q), evidence.deviations(out), name)
             found.append((prior._replace(noises=(noise,)), scored))

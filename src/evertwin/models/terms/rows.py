@@ -61,6 +61,16 @@ class Rows:
         """Largest size of every input, bar outliers."""
         return {name: reach_of(self.inputs(name)) for name in self.model.inputs.names}
 
+    def warm(self, channel: str) -> bool:
+        """Is it a temperature, whose zero tells nothing of its size?"""
+        inputs = self.model.inputs
+        return bool(inputs.temperatures[inputs.index(channel)])
+
+    def size(self, channel: str) -> float:
+        """What a change of the input is large beside: its largest size; of a temperature its
+        range."""
+        return float(np.ptp(self.inputs(channel))) if self.warm(channel) else self.reach[channel]
+
     @property
     def chosen(self) -> tuple[str, ...]:
         """Inputs that may be corrected and that do something."""

@@ -69,7 +69,7 @@ class Surface(GridTerm):
         for channel in rows.chosen:
             for source in rows.others(channel):
                 own, other = (_even(rows.inputs(name)) for name in (channel, source))
-                n, span = GRID * GRID, 3.0 * own[-1]
+                n, span = GRID * GRID, 3.0 * rows.size(channel)
                 yield Candidate(
                     Term(self.kind, channel, source, levels=own, levels2=other), FREE,
                     ((0.0,) * n,), (-span,) * n, (span,) * n, (0.02 * span,) * n,

@@ -77,10 +77,12 @@ class Table(GridTerm):
             if u.min() < u.max():
                 given = propose_levels(u, LEVELS, rows.quantum).tolist()
                 levels, n = tuple(float(v) for v in given), len(given)
-                span, size = 3.0 * rows.reach[channel], 0.05 * rows.reach[channel]
+                size = rows.size(channel)
+                around = np.array(levels if rows.warm(channel) else (0.0,) * n)
+                low, high = (around - 3.0 * size).tolist(), (around + 3.0 * size).tolist()
                 yield Candidate(
-                    Term(self.kind, channel, levels=levels), FREE, (levels,), (-span,) * n,
-                    (span,) * n, (size,) * n,
+                    Term(self.kind, channel, levels=levels), FREE, (levels,), tuple(low),
+                    tuple(high), (0.05 * size,) * n,
                 )  # fmt: skip
 
     def reached(
