@@ -127,6 +127,19 @@ class TooFew(DataError):
     """
 
 
+class TooNew(TooFew):
+    """Too few rows of a machine since it changed; more will have come soon.
+
+    >>> TooNew("the machine has changed, 40 rows ago", 960).row
+    960
+    """
+
+    def __init__(self, text: str, row: int) -> None:
+        super().__init__(text)
+        self.row = row
+        """The first of them."""
+
+
 class ModelError(EvertwinError):
     """A model that cannot be built or run.
 

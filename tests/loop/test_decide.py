@@ -337,6 +337,17 @@ def test_an_answer_without_candidate_is_waited_after() -> None:
     assert done.state.agenda.hold == 50 + bench.setup.holdoff
 
 
+@pytest.mark.parametrize(("told", "again"), [({}, 0), ({"changed": 45}, 45)])
+def test_a_change_too_new_to_be_fitted_is_asked_about_again(
+    told: dict[str, int], again: int
+) -> None:
+    """The last that was asked of a deviation, or what was asked in a trial, remembers none."""
+    bench = Bench()
+    done = bench.beat(asked(bench), Answer(1, 0, {"events": [], "waits": "too few", **told}))
+    assert done.state.agenda.again == again
+    assert done.state.agenda.hold == 50 + (bench.setup.latency if again else bench.setup.holdoff)
+
+
 def test_an_answer_may_ask_for_a_correction() -> None:
     bench = Bench()
     done = bench.beat(asked(bench), Answer(1, 0, {"events": [], "next": "correct"}))

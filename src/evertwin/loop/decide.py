@@ -279,8 +279,10 @@ class Decide:
             return
         setup, on_trial = self.follow.setup, decision.state.other.version
         content: Any = in_doubt(decision, setup, to_blame(decision, answer.content))
-        waits = agenda.again > 0 and ("waits" in content or agenda.kind in ("state", "refine"))
-        decision.remember(open=0, again=agenda.again if waits else 0)
+        # what has changed is asked about again, of whatever else the deviation was told
+        again = max(agenda.again, int(content.get("changed", 0)))
+        waits = again > 0 and ("waits" in content or agenda.kind in ("state", "refine"))
+        decision.remember(open=0, again=again if waits else 0)
         candidate = content.get("candidate")
         if candidate and agenda.phase == TRIAL and candidate.get("version") == on_trial:
             return  # that the machine is as it was has been said

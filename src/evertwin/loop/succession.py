@@ -157,7 +157,7 @@ def to_blame(decision: Decision, content: Mapping[str, Any]) -> Mapping[str, Any
     if agenda.phase != PROBATION or not agenda.again or agenda.kind != "fit":
         return content
     if "since" not in content:
-        return {"events": []} | {k: content[k] for k in ("waits",) if k in content}
+        return {"events": []} | {k: content[k] for k in ("waits", "changed") if k in content}
     decision.state = decision.state._replace(other=EMPTY)
     decision.remember(phase=WATCH)
     return content

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from evertwin.anomaly.verdict import Verdict
-from evertwin.errors import DataError, ModelError, TooFew
+from evertwin.errors import DataError, ModelError, TooNew
 from evertwin.fold import Windows
 from evertwin.gauges.change import changed, split
 from evertwin.gauges.gauge_rows import Rows
@@ -111,7 +111,7 @@ class Tuner:
         one that did as the one before it never did need not have held yet.
 
         Raises:
-            TooFew: there are not enough of them yet.
+            TooNew: there are not enough of them yet.
         """
         windows = task.windows
         version, worse = (task.rival, live) if task.rival else (live, task.replaced)
@@ -127,7 +127,7 @@ class Tuner:
             return windows, []
         rows = sum(len(block.t) for block in new)
         if rows < ENOUGH * len(names):
-            raise TooFew(f"the machine has changed, {rows} rows ago")
+            raise TooNew(f"the machine has changed, {rows} rows ago", new[0].row)
         return new, [changed_since(new)]
 
     def follows(self, version: Version, worse: Version, rows: Windows) -> bool:

@@ -18,7 +18,7 @@ import numpy as np
 
 from evertwin.anomaly.verdict import Verdict, explained
 from evertwin.config.spec import TwinSpec
-from evertwin.errors import DataError, ModelError, TooFew, UsageError
+from evertwin.errors import DataError, ModelError, TooFew, TooNew, UsageError
 from evertwin.fold import Windows, plain
 from evertwin.gauges.change import suddenly
 from evertwin.gauges.gauge import at_once
@@ -117,6 +117,8 @@ class Work(Tuner):
         except TooFew as error:
             # not a verdict on anything: more rows come
             content = {"events": [], "waits": str(error)}
+            if isinstance(error, TooNew):
+                content["changed"] = error.row
         except (DataError, ModelError, UsageError) as error:
             content = undone(task.kind, error)
         return plain(content)  # type: ignore[return-value]
