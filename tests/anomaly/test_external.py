@@ -258,9 +258,7 @@ def test_machine_code_and_plain_python_give_the_same_bits() -> None:
 
     def run(form: object) -> tuple[ExternalState, np.ndarray]:
         state, marked = STAGE.init(), np.zeros(1200, np.bool_)
-        form(  # type: ignore[operator]
-            *rows, STAGE.times, STAGE.rule, state.ring, tuple(state[1:]), marked
-        )
+        form(rows, STAGE.times, STAGE.rule, state, marked)  # type: ignore[operator]
         return state, marked
 
     (a, b), (c, d) = run(watch.plain), run(watch.compiled)

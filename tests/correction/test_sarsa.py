@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from evertwin.correction import sarsa_kernels as kernels
+from evertwin.correction import sarsa_explore_loop as exploring
+from evertwin.correction import sarsa_learn_loop as learning
 from evertwin.correction.sarsa import Sarsa, SarsaState, learn_table
 from evertwin.correction.sarsa_settings import SarsaSettings, findings, propose
 from evertwin.errors import UsageError
@@ -77,7 +78,7 @@ def test_at_ten_hertz_its_own_horizon_finds_the_same_table() -> None:
     alike = []
     for horizon in (0.1, 1.0):
         state, _ = fold(Sarsa(ROBOT, replace(FULL, horizon=horizon)), [rows])
-        alike.append(int(np.sum(state.q[10] > state.q[10].max() - kernels.CLOSE)))
+        alike.append(int(np.sum(state.q[10] > state.q[10].max() - learning.CLOSE)))
     assert alike[0] > 10, "over 0.1 s the 1 cm reward cannot tell actions apart"
     assert alike[1] <= 3
 
@@ -150,21 +151,17 @@ def test_the_compiled_learner_equals_its_plain_twin(mode: SarsaSettings) -> None
     agent = Sarsa(ROBOT, mode)
     state, out = fold(agent, [rows])
     samples = (out.rows.level, out.rows.fresh, out.rows.training, out.rows.error)
-    angle = np.zeros(1, dtype=np.bool_)
     results = []
-    for learn in (kernels.learn.compiled, kernels.learn.plain):
+    for learn in (learning.learn.compiled, learning.learn.plain):
         own = agent.init()
-        learn(
-            samples, agent.rule, mode.mode == "full", mode.accumulate, angle, own.q, own.tried,
-            own.deviation, own.best, own.reward, own.done, own.total, own.learner,
-        )  # fmt: skip
+        learn(samples, agent.rule, own.learned)
         results.append(own)
     assert equal(*results)
-    levels = [kernels.level_of.plain(v, 0.0, 0.01, 21) for v in (-0.1, 0.004, 0.006, 0.3)]
+    levels = [exploring.level_of.plain(v, (0.0, 0.01, 21)) for v in (-0.1, 0.004, 0.006, 0.3)]
     assert levels == [-1, 0, 1, -1]
     if mode.mode == "replay":
         own = agent.init()
-        kernels.remember.plain(samples, own.log_level, own.log_fresh, own.log_error, own.learner)
+        learning.remember.plain(samples, own.log, own.learner)
         assert equal(own.log_error, state.log_error)
 
 
@@ -172,9 +169,11 @@ def test_the_plain_choice_settles_and_forgets_alike() -> None:
     q = np.array([[1.0, 1.2, -5.0], [0.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
     tried = np.array([[4, 4, 4], [0, 0, 0], [2, 2, 2]])
     deviation = np.array([[0.1, 0.4, 0.0], [0.0, 0.0, 0.0], [1.0, 0.0, 1.0]])
+    empty = Sarsa(ROBOT, FULL).init().learned
+    own = empty._replace(q=q, tried=tried, deviation=deviation)
     for level, action in ((0, 0), (1, 1), (2, 2)):
-        assert kernels.choose.plain(q, tried, deviation, level, kernels.CLOSE) == action
-        assert kernels.choose.compiled(q, tried, deviation, level, kernels.CLOSE) == action
+        assert learning.choose.plain(own, level, learning.CLOSE) == action
+        assert learning.choose.compiled(own, level, learning.CLOSE) == action
 
 
 def two_inputs() -> FunctionModel:
@@ -198,7 +197,7 @@ def test_a_changed_cross_control_starts_a_new_training() -> None:
     agent = Sarsa(two_inputs(), watching)
     state, out = fold(agent, [rows])
     assert [(e.row, e.kind) for e in out.records] == [(40, "training_restarted")]
-    assert int(state.learner[kernels.SAMPLES]) == 39
+    assert int(state.learner[learning.SAMPLES]) == 39
     check_online(agent, rows, cuts=[(40,), (13, 41)])
 
 

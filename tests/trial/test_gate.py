@@ -124,7 +124,7 @@ def test_the_compiled_loops_equal_their_plain_twins() -> None:
     losses = segments(np.random.default_rng(4), 1.1, (1.0, 1.1))
     stage = Trial(horizon=2.0)
     state = stage.init()
-    run.compiled(losses, stage.rule, LENGTHS, GRID, *state)
+    run.compiled(losses, stage.rule, LENGTHS, GRID, state)
     fast, slow = open_bets(), open_bets()
     for c, x in np.sqrt(losses):
         place.compiled(c, x, 0.02, LENGTHS, GRID, fast)
@@ -132,7 +132,7 @@ def test_the_compiled_loops_equal_their_plain_twins() -> None:
     assert equal(fast, slow)
     assert evidence.compiled(fast) == evidence.plain(slow)
     twin = stage.init()
-    run.plain(losses, stage.rule, LENGTHS, GRID, *twin)
+    run.plain(losses, stage.rule, LENGTHS, GRID, twin)
     assert equal(state, twin)
 
 

@@ -185,7 +185,7 @@ class External:
                 figures=np.pad(state.figures, ((0, 0), (0, fewer))),
             )
         if self.longest > 0:
-            loop.watch(*rows, self.times, self.rule, state.ring, tuple(state[1:]), marked)
+            loop.watch(rows, self.times, self.rule, state, marked)
         return state, marked
 
     def known(self, state: ExternalState) -> int:

@@ -302,13 +302,18 @@ def settled(row: int, stamp: int, longest: int, n: int, state: Any) -> None:
 
 
 @njit(cache=True)
-def watch(
-    row: int, t: Any, r: Any, half: Any, v: Any, moving: Any, expected: Any, times: float,
-    rule: Any, ring: Any, state: Any, marked: Any,
-) -> None:  # fmt: skip
-    """Rows through; ``marked`` where something outside is at work. ``rule``: longest excursion
-    [ns], rows to learn from, of the mean square's memory, of the mean's, of a window."""
-    numbers, figures, machine = state
+def watch(rows: Any, times: float, rule: Any, own: Any, marked: Any) -> None:
+    """Rows through; ``marked`` where something outside is at work.
+
+    Args:
+        rows: as `evertwin.anomaly.external.Seen`; beyond so many ``times`` the rms they are off.
+        rule: longest excursion [ns], rows to learn from, of the mean square's memory, of the
+            mean's, of a window.
+        own: as `evertwin.anomaly.external.ExternalState`.
+    """
+    row, t, r, half, v, moving, expected = rows
+    ring, numbers, figures, machine = own
+    state = (numbers, figures, machine)
     n, ny = ring.shape[1], r.shape[1]
     for i in range(r.shape[0]):
         place = machine[NEXT] % n

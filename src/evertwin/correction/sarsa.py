@@ -28,7 +28,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evertwin.correction import sarsa_kernels as kernels
+from evertwin.correction import sarsa_explore_loop as exploring
+from evertwin.correction import sarsa_learn_loop as learning
+from evertwin.correction.sarsa_explore_loop import Exploration, Lanes
+from evertwin.correction.sarsa_learn_loop import Learned, Rule
 from evertwin.correction.sarsa_settings import SarsaSettings
 from evertwin.correction.sarsa_table import Table, read_table
 from evertwin.fold import Block, Event, Out, copy
@@ -92,6 +95,24 @@ class SarsaState(NamedTuple):
     log_fresh: Int64[np.ndarray, " capacity"]
     log_error: Float64[np.ndarray, "capacity actions scored"]
 
+    @property
+    def lanes(self) -> Lanes:
+        """What the exploration goes on from."""
+        return Lanes(self.p, self.x0, self.x, self.elapsed, self.segment, self.watched)
+
+    @property
+    def learned(self) -> Learned:
+        """What the learner goes on from."""
+        return Learned(
+            self.q, self.tried, self.deviation, self.best, self.reward, self.done, self.total,
+            self.learner,
+        )  # fmt: skip
+
+    @property
+    def log(self) -> tuple[np.ndarray, ...]:
+        """Level, fresh and error of what replay goes through."""
+        return self.log_level, self.log_fresh, self.log_error
+
 
 @dataclass(frozen=True)
 class Sarsa:
@@ -124,17 +145,13 @@ class Sarsa:
         )  # fmt: skip
 
     @cached_property
-    def _size(self) -> np.ndarray:
+    def rule(self) -> Rule:
+        """What the loops are told of the update."""
         s = self.settings
-        return np.array([s.horizon, s.low, s.quantum, s.tolerance])
-
-    @cached_property
-    def rule(self) -> np.ndarray:
-        """The numbers of the update, in the order that the kernels read them."""
-        s = self.settings
-        return np.array(
-            [s.near, s.reward, s.penalty, s.end, s.end_angle, s.alpha or 0.0, s.gamma, s.epsilon,
-             s.first]
+        return Rule(
+            float(s.near), float(s.reward), float(s.penalty), float(s.end), float(s.end_angle),
+            float(s.alpha or 0.0), float(s.gamma), float(s.epsilon), float(s.first),
+            s.mode == "full", s.accumulate, self.model.outputs.angles[self._where[1]],
         )  # fmt: skip
 
     def init(self) -> SarsaState:
@@ -144,7 +161,7 @@ class Sarsa:
         k, m = s.count, len(scored)
         log = s.capacity if s.mode == "replay" else 0
         learner = np.zeros(8, dtype=np.int64)
-        learner[kernels.RANDOM] = s.seed
+        learner[learning.RANDOM] = s.seed
         return SarsaState(
             p, x0, np.tile(x0, (k + 1, 1)), np.zeros(1), np.zeros(7, dtype=np.int64),
             np.zeros(len(watch)), np.full((k, k), s.first), np.zeros((k, k), dtype=np.int64),
@@ -163,34 +180,30 @@ class Sarsa:
 
         An event ``training_restarted`` tells that a watched input left its value.
         """
-        before = int(state.segment[kernels.TRAINING])
+        before = int(state.segment[exploring.TRAINING])
         restarted = np.zeros(len(block.t), dtype=np.bool_)
         samples = self._explore(state, block, restarted)
         taken = (samples.level, samples.fresh, samples.training, samples.error)
         if self.settings.mode == "replay":
-            kernels.remember(
-                taken, state.log_level, state.log_fresh, state.log_error, state.learner
-            )
+            learning.remember(taken, state.log, state.learner)
         else:
-            self._learn(state, taken)
+            learning.learn(taken, self.rule, state.learned)
         return state, Out(samples, self._events(block, restarted, before))
 
     def _explore(self, state: SarsaState, block: Block, restarted: np.ndarray) -> Samples:
-        settings, kernel, (_, scored, _) = self.settings, self._kernel, self._where
+        settings, (channel, scored, watch) = self.settings, self._where
         n, k, ny = len(block.t), settings.count, block.y.shape[1]
         out = (
             *(np.zeros(n, dtype=np.int64) for _ in range(4)), np.zeros((n, k, len(scored))),
         )  # fmt: skip
-        scratch = (
+        exploration = Exploration(
+            (block.dt, block.u, block.y, block.mark, block.task, block.gap), state.lanes, channel,
+            scored, watch, (float(settings.low), float(settings.quantum), k),
+            float(settings.horizon), float(settings.tolerance), settings.actions, out, restarted,
             np.zeros(state.x.shape[1]), np.zeros(block.u.shape[1]), np.zeros(ny),
             np.zeros((k + 1, ny)),
         )  # fmt: skip
-        rows = (block.dt, block.u, block.y, block.mark, block.task, block.gap)
-        count = looped(
-            kernels.explore, kernel, rows, self._where, self._size,
-            settings.actions, state.p, state.x0, state.x, state.elapsed, state.segment,
-            state.watched, out, restarted, scratch,
-        )  # fmt: skip
+        count = looped(exploring.explore, self._kernel, exploration)
         row, *others = (column[:count] for column in out)
         return Samples(row + block.row, *others)
 
@@ -206,15 +219,6 @@ class Sarsa:
             for k, i in enumerate(np.flatnonzero(restarted), 1)
         )  # fmt: skip
 
-    def _learn(self, state: SarsaState, taken: tuple[np.ndarray, ...]) -> None:
-        angle = self.model.outputs.angles[self._where[1]]
-        settings = self.settings
-        kernels.learn(
-            taken, self.rule, settings.mode == "full", settings.accumulate, angle, state.q,
-            state.tried, state.deviation, state.best, state.reward, state.done, state.total,
-            state.learner,
-        )  # fmt: skip
-
     def table(self, state: SarsaState) -> Table:
         """The translation table as learned so far; in replay mode the log is gone through now.
 
@@ -222,26 +226,23 @@ class Sarsa:
         """
         own = copy(state)
         if self.settings.mode == "replay":
-            logged, size = int(own.learner[kernels.LOGGED]), len(own.log_level)
+            logged, size = int(own.learner[learning.LOGGED]), len(own.log_level)
             order = np.arange(max(logged - size, 0), logged) % size
-            number = np.full(len(order), own.learner[kernels.NUMBER])
+            number = np.full(len(order), own.learner[learning.NUMBER])
             log = own.log_level[order], own.log_fresh[order], number, own.log_error[order]
             for _ in range(self.settings.passes):
-                self._learn(own, log)
-        kernels.settle(
-            self.rule, self.settings.mode == "full", own.q, own.tried, own.deviation, own.best,
-            own.reward, own.done, -1, 0, own.learner,
-        )  # fmt: skip
+                learning.learn(log, self.rule, own.learned)
+        learning.settle(self.rule, own.learned, -1, 0)
         return read_table(self.settings, own.tried, own.deviation, own.best)
 
     def converged(self, state: SarsaState) -> bool:
         """Has every level that came up been seen often enough, and did the table stand still?"""
         learner, s = state.learner, self.settings
         if s.mode == "replay":
-            visits = np.bincount(state.log_level[: learner[kernels.LOGGED]], minlength=s.count)
+            visits = np.bincount(state.log_level[: learner[learning.LOGGED]], minlength=s.count)
             return bool(visits.any() and (visits[visits > 0] >= s.enough).all())
         visits = state.tried.max(axis=1) if s.mode == "full" else state.tried.sum(axis=1)
-        still = learner[kernels.SAMPLES] - learner[kernels.CHANGED] >= s.steady
+        still = learner[learning.SAMPLES] - learner[learning.CHANGED] >= s.steady
         return bool(still and visits.any() and (visits[visits > 0] >= s.enough).all())
 
 
@@ -259,6 +260,6 @@ def learn_table(
     agent = Sarsa(model, settings)
     state = agent.renew(agent.init(), p)
     for window in windows:
-        state.segment[kernels.BEGUN] = 0
+        state.segment[exploring.BEGUN] = 0
         state, _ = agent.step(state, window)
     return agent.table(state)

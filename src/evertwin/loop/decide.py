@@ -121,12 +121,9 @@ class Decide:
         state = state._replace(other=self.follow.beside(state.live, number))
         state = goes_live(self.follow, state, number, EMPTY, first)
         agenda = state.agenda._replace(
-            phase=WATCH,
-            again=0,
-            doubt="",
-            accused="",
+            phase=WATCH, again=0, doubt="", accused="",
             versions=max(state.agenda.versions, number + 1),
-        )
+        )  # fmt: skip
         return state._replace(agenda=agenda)
 
     # ------------------------------------------------------------------ is the twin still true?

@@ -165,7 +165,7 @@ class Trial:
                 f"then both counts per safety measure), got shape {losses.shape}"
             )
         if len(losses):
-            run(losses, self.rule, LENGTHS, GRID, state.ahead, state.back, *state[2:])
+            run(losses, self.rule, LENGTHS, GRID, state)
         return state, self._told(state)
 
     def _told(self, state: GateState) -> Verdict | None:

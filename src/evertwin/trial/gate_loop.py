@@ -18,10 +18,7 @@ ENDLESS = 1e75
 
 
 @njit(cache=True)
-def run(
-    losses: Any, rule: Any, lengths: Any, grid: Any, ahead: Any, back: Any, sums: Any, harm: Any,
-    tally: Any,
-) -> None:  # fmt: skip
+def run(losses: Any, rule: Any, lengths: Any, grid: Any, state: Any) -> None:
     """Folds segments into the state until it is decided; the rest is left out.
 
     Args:
@@ -31,12 +28,9 @@ def run(
             segments at most.
         lengths: segments per block.
         grid: shares of the wealth.
-        ahead: bets on the other version (the fields of `Bets`).
-        back: bets on the live one.
-        sums: Σ deviation of live and other, Σ loss of live and other.
-        harm: Σ of the safety measures, (2·measures,).
-        tally: verdict, segments.
+        state: as of `evertwin.trial.gate.GateState`.
     """
+    ahead, back, sums, harm, tally = state
     for i in range(losses.shape[0]):
         if tally[0] != OPEN:
             return
@@ -59,16 +53,15 @@ def _deviation(loss: float) -> float:
 
 
 @njit(cache=True)
-def since_better(
-    losses: Any, rule: Any, lengths: Any, grid: Any, ahead: Any, sums: Any, harm: Any, tally: Any
-) -> int:
+def since_better(losses: Any, rule: Any, lengths: Any, grid: Any, state: Any) -> int:
     """Folds segments into bets on the other version, which begin anew wherever the live one has
     deviated less since they began; the index of the deciding segment, −1: none decides.
 
-    Args and sums as in `run`, but: ``losses`` of both versions, and the last row, (m, 3); the last
+    Args as in `run`, but: ``losses`` of both versions, and the last row, (m, 3); the last
     of ``rule`` is how often they have to have begun anew, which ``harm`` counts, before the last
     row of their first segment.
     """
+    ahead, _, sums, harm, tally = state
     for i in range(losses.shape[0]):
         if tally[0] != OPEN:
             return -1

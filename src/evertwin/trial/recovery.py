@@ -68,7 +68,7 @@ class Recovery:
         Returns:
             Index of the one that decides that the earlier version fits again; −1: none does.
         """
-        return int(since_better(losses, self.rule, LENGTHS, GRID, state.ahead, *state[2:]))
+        return int(since_better(losses, self.rule, LENGTHS, GRID, state))
 
     def verdict(self, state: GateState) -> tuple[bool, dict[str, Any]]:
         """Does the earlier version fit again, and the evidence as plain scalars."""

@@ -37,7 +37,7 @@ import numpy as np
 
 from evertwin.errors import UsageError
 from evertwin.models import LinearModel, Parameters
-from evertwin.tuning.gram import FINE, gram, normal, residual, slotted
+from evertwin.tuning.gram import FINE, Estimate, gram, normal, residual, slotted
 from evertwin.types import Float64, Int64, Outputs, PerOutput, Vector
 
 Regressor = Float64[np.ndarray, "n ny m"]
@@ -163,13 +163,10 @@ class ClosedForm:
     def solve_sums(self, sums: Sums) -> Solution:
         """Parameters from sums."""
         k, ny = len(self.start), len(self.at)
-        delta, covariance = np.zeros(k), np.full((k, k), np.inf)
-        noise, dof = np.zeros(ny), np.zeros(ny)
-        fixed = self.at, self.information, np.zeros(k), self.noise
-        code = normal(*sums, *fixed, delta, covariance, noise, dof)
-        if code != FINE:
-            delta[:] = 0.0
-        return Solution(self.start + delta, covariance, np.sqrt(noise), dof, bool(code == FINE))
+        out = Estimate(np.zeros(k), np.full((k, k), np.inf), np.zeros(ny), np.zeros(ny))
+        fine = normal(tuple(sums), self.at, self.information, self.noise, out) == FINE
+        found = self.start + (out.change if fine else 0.0)
+        return Solution(found, out.covariance, np.sqrt(out.noise), out.dof, bool(fine))
 
     def carefully(self, r: Outputs, phi: Regressor) -> Solution:
         """By orthogonal decomposition of the rows; parameters without effect stay."""

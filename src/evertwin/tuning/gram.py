@@ -6,7 +6,7 @@ need 6 small matrices and no large one. Weights come afterwards and cost no seco
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,6 +14,22 @@ from evertwin.compiled.functions import njit
 
 FINE, SINGULAR, ILL = 0, 1, 2
 """Return codes of `normal`: solved; a parameter has no effect; too ill-conditioned."""
+
+
+class Estimate(NamedTuple):
+    """What `normal` fills.
+
+    >>> Estimate._fields
+    ('change', 'covariance', 'noise', 'dof')
+    """
+
+    change: Any
+    """How the parameters have to change, (k,)."""
+    covariance: Any
+    """(k, k)."""
+    noise: Any
+    """Variance of each output's noise, and its degrees of freedom, (ny,)."""
+    dof: Any
 
 
 @njit(cache=True)
@@ -227,23 +243,18 @@ def _inverse(root: Any, out: Any) -> None:
 
 
 @njit(cache=True)
-def normal(
-    products: Any, sides: Any, squares: Any, count: Any, at: Any, information: Any, pull: Any,
-    scale: Any, delta: Any, covariance: Any, noise: Any, dof: Any,
-) -> int:  # fmt: skip
-    """Solves for ``delta`` (k,) and its ``covariance`` (k,k), weighting outputs by their noise.
+def normal(sums: tuple[Any, ...], at: Any, information: Any, scale: Any, out: Estimate) -> int:
+    """Solves for the change and its covariance, weighting outputs by their noise.
 
     Args:
-        products, sides, squares, count: from `gram`.
-        at: position of each column in ``delta``, −1 for a column that stays, (ny, m).
-        information, pull: prior 1/σ² and prior value − point, (k,).
+        sums: products, sides, squares and count from `gram`.
+        at: position of each column in the change, −1 for a column that stays, (ny, m).
+        information: prior 1/σ², (k,).
         scale: standard deviation of each output's noise, NaN where unknown: two rounds.
-        noise, dof: filled with each output's noise variance and degrees of freedom, (ny,).
     """
-    ny, m = at.shape
-    k = delta.shape[0]
-    h, g, d = np.empty((k, k)), np.empty(k), np.empty(k)
-    root, weight = np.zeros((k, k)), np.ones(ny)
+    products, sides, squares, count = sums
+    ny, k = len(at), len(out.change)
+    weight, root, d = np.ones(ny), np.zeros((k, k)), np.empty(k)
     known = True
     for o in range(ny):
         if scale[o] == scale[o]:
@@ -252,56 +263,77 @@ def normal(
             known = False
             weight[o] = count[o] / squares[o] if squares[o] > 0.0 else 1.0
     for _ in range(1 if known else 2):
-        h[:, :] = 0.0
-        for j in range(k):
-            h[j, j] = information[j]
-            g[j] = information[j] * pull[j]
-        for o in range(ny):
-            for a in range(m):
-                ia = at[o, a]
-                if ia < 0:
-                    continue
-                g[ia] += weight[o] * sides[o, a]
-                for b in range(a + 1):
-                    ib = at[o, b]
-                    if ib < 0:
-                        continue
-                    h[ia, ib] += weight[o] * products[o, a, b]
-                    if a != b:
-                        h[ib, ia] += weight[o] * products[o, a, b]
+        h, g = _assembled(products, sides, at, information, weight)
         for j in range(k):
             if not h[j, j] > 0.0:
                 return SINGULAR
-            d[j] = np.sqrt(h[j, j])
-        for i in range(k):
-            for j in range(k):
-                h[i, j] /= d[i] * d[j]
+        _balance(h, d)
         if not _factor(h, root) > 1e-9:
             return ILL
-        _inverse(root, covariance)
+        _covary(root, d, out.covariance)
         for i in range(k):
+            out.change[i] = 0.0
             for j in range(k):
-                covariance[i, j] /= d[i] * d[j]
-        for i in range(k):
-            delta[i] = 0.0
-            for j in range(k):
-                delta[i] += covariance[i, j] * g[j]
-        _spread(products, sides, squares, count, at, delta, covariance, weight, noise, dof)
+                out.change[i] += out.covariance[i, j] * g[j]
+        _spread(sums, at, weight, out)
         for o in range(ny):
-            if scale[o] != scale[o] and noise[o] > 0.0:
-                weight[o] = 1.0 / noise[o]
+            if scale[o] != scale[o] and out.noise[o] > 0.0:
+                weight[o] = 1.0 / out.noise[o]
     if not known:
         # The last weights are those of the round before: rescaled to the noise that was found.
-        _rescale(products, at, information, weight, h, root, covariance)
+        h, _ = _assembled(products, sides, at, information, weight)
+        _balance(h, d)
+        if _factor(h, root) > 1e-12:
+            _covary(root, d, out.covariance)
     return FINE
 
 
 @njit(cache=True)
-def _spread(
-    products: Any, sides: Any, squares: Any, count: Any, at: Any, delta: Any, covariance: Any,
-    weight: Any, noise: Any, dof: Any,
-) -> None:  # fmt: skip
+def _assembled(products: Any, sides: Any, at: Any, information: Any, weight: Any) -> Any:
+    """The matrix and the right side of the normal equations."""
+    (ny, m), k = at.shape, len(information)
+    h, g = np.zeros((k, k)), np.zeros(k)
+    for j in range(k):
+        h[j, j] = information[j]
+    for o in range(ny):
+        for a in range(m):
+            ia = at[o, a]
+            if ia < 0:
+                continue
+            g[ia] += weight[o] * sides[o, a]
+            for b in range(a + 1):
+                ib = at[o, b]
+                if ib < 0:
+                    continue
+                h[ia, ib] += weight[o] * products[o, a, b]
+                if a != b:
+                    h[ib, ia] += weight[o] * products[o, a, b]
+    return h, g
+
+
+@njit(cache=True)
+def _balance(h: Any, d: Any) -> None:
+    """``h`` with a diagonal of ones; ``d`` is filled with the roots of what it was."""
+    for j in range(len(d)):
+        d[j] = np.sqrt(h[j, j])
+    for i in range(len(d)):
+        for j in range(len(d)):
+            h[i, j] /= d[i] * d[j]
+
+
+@njit(cache=True)
+def _covary(root: Any, d: Any, covariance: Any) -> None:
+    """The inverse of what was balanced, from its factor."""
+    _inverse(root, covariance)
+    for i in range(len(d)):
+        for j in range(len(d)):
+            covariance[i, j] /= d[i] * d[j]
+
+
+@njit(cache=True)
+def _spread(sums: tuple[Any, ...], at: Any, weight: Any, out: Estimate) -> None:
     """Each output's noise variance: its sum of squares over its degrees of freedom."""
+    products, sides, squares, count = sums
     ny, m = at.shape
     for o in range(ny):
         s, used = squares[o], 0.0
@@ -309,46 +341,17 @@ def _spread(
             ia = at[o, a]
             if ia < 0:
                 continue
-            s -= 2.0 * sides[o, a] * delta[ia]
+            s -= 2.0 * sides[o, a] * out.change[ia]
             for b in range(m):
                 ib = at[o, b]
                 if ib < 0:
                     continue
                 f = products[o, a, b] if b <= a else products[o, b, a]
-                s += f * delta[ia] * delta[ib]
-                used += weight[o] * f * covariance[ia, ib]
-        dof[o] = max(count[o] - used, 1.0)
+                s += f * out.change[ia] * out.change[ib]
+                used += weight[o] * f * out.covariance[ia, ib]
+        out.dof[o] = max(count[o] - used, 1.0)
         # Below the rounding of the sums nothing is known about the noise.
-        noise[o] = max(s, 1e-15 * squares[o]) / dof[o]
-
-
-@njit(cache=True)
-def _rescale(
-    products: Any, at: Any, information: Any, weight: Any, h: Any, root: Any, covariance: Any
-) -> None:
-    """The covariance with the final weights."""
-    ny, m = at.shape
-    k = covariance.shape[0]
-    h[:, :] = 0.0
-    d = np.empty(k)
-    for j in range(k):
-        h[j, j] = information[j]
-    for o in range(ny):
-        for a in range(m):
-            for b in range(m):
-                if at[o, a] >= 0 and at[o, b] >= 0:
-                    f = products[o, a, b] if b <= a else products[o, b, a]
-                    h[at[o, a], at[o, b]] += weight[o] * f
-    for j in range(k):
-        d[j] = np.sqrt(h[j, j])
-    for i in range(k):
-        for j in range(k):
-            h[i, j] /= d[i] * d[j]
-    if _factor(h, root) > 1e-12:
-        _inverse(root, covariance)
-        for i in range(k):
-            for j in range(k):
-                covariance[i, j] /= d[i] * d[j]
+        out.noise[o] = max(s, 1e-15 * squares[o]) / out.dof[o]
 
 
 @njit(cache=True)
@@ -370,9 +373,6 @@ def solved(r: Any, columns: Any, at: Any, information: Any, scale: Any) -> Any:
     gram(r, columns, products, sides, squares, count)
     blocks = np.zeros((ny, k, k))
     widened(products, at, blocks)
-    change, covariance, noise, dof = np.zeros(k), np.empty((k, k)), np.zeros(ny), np.zeros(ny)
-    code = normal(
-        products, sides, squares, count, at, information, np.zeros(k), scale, change, covariance,
-        noise, dof,
-    )  # fmt: skip
-    return change, np.sqrt(noise), blocks, code
+    out = Estimate(np.zeros(k), np.empty((k, k)), np.zeros(ny), np.zeros(ny))
+    code = normal((products, sides, squares, count), at, information, scale, out)
+    return out.change, np.sqrt(out.noise), blocks, code
