@@ -174,21 +174,20 @@ def test_loops_of_the_statistics_equal_their_plain_twins(holes: bool) -> None:
         moved = count_up(y, r, r > 0)
         shift(y[:, :2], r[:, 0] > 0, np.array([1.0, 0.5, 0.2]), out)
         class_of(u, number, count)
-        centred, known, rows, square, rho, reach, statistic = know(r)
+        memory = know(r)
+        rows, rho, reach = memory.rows, memory.short, memory.reach
         shared = overlap(number, count, rho, reach)
-        told = number, count, centred, known, rows, square, rho, reach
-        varying, analysis = analyse(*told, np.empty((0, 0)))
+        varying, analysis = analyse(number, count, memory, np.empty((0, 0)))
         assert varying == 3
         columns, blocks = np.stack([y, y * y], axis=2), np.stack([np.eye(3)] * 9)
         at = np.array([[0, 2]] * 8 + [[1, -1]])
         spectrum = np.ones(3), np.array([0.0, 1.0, 2.0]), np.eye(3)
         seen = columns, at, r == r, blocks
-        inverse, variance, worth = propagate(spectrum, 1e-6, rows, *seen, rows, rho, reach)
+        inverse, variance, worth = propagate(spectrum, 1e-6, rows, seen, memory)
         assert inverse.tolist() == np.diag([0.0, 1.0, 0.5]).tolist()
         assert worth[0] == pytest.approx(effective(rows[0], rho[0, : reach[0] + 1]))
-        remembered = (centred, known, rows, square, rho, reach, statistic)
         results.append(
-            (*moved, out, number, count, *remembered, shared, varying, analysis, variance, worth)
+            (*moved, out, number, count, *memory, shared, varying, analysis, variance, worth)
         )
     for left, right in zip(*results, strict=True):
         assert np.array_equal(left, right, equal_nan=True)

@@ -331,10 +331,8 @@ def _covariance(
     sigma, spectrum = told
     # a valley of a model with a state is as wide as its prior: it is counted, not left out
     least = 1e-13 if len(problem.model.states) else 1e-6
-    inverse, parts, rows = propagated(
-        tuple(spectrum), least, sigma, acting.columns, acting.at, acting.used, acting.blocks,
-        correlation.rows, correlation.short, correlation.reach,
-    )  # fmt: skip
+    act = acting.columns, acting.at, acting.used, acting.blocks
+    inverse, parts, rows = propagated(tuple(spectrum), least, sigma, act, correlation.parts)
     for o, reach in enumerate(correlation.reach.tolist()):
         if reach == LONG:
             (columns, mine), rho = acting.of(o), correlation.memory[o]

@@ -18,7 +18,7 @@ from functools import cached_property
 import numpy as np
 import scipy
 
-from evertwin.tuning.statistics_loop import LAGS, LONG, MOST, remember
+from evertwin.tuning.statistics_loop import LAGS, LONG, MOST, Memory, remember
 from evertwin.types import Float64, Int64, Outputs, PerOutput
 
 DIRECT = 64
@@ -62,6 +62,14 @@ class Correlation:
     def of(cls, r: Outputs) -> Correlation:
         """From residuals (n, ny); NaN is left out."""
         return cls(*remember(r))
+
+    @property
+    def parts(self) -> Memory:
+        """All of it, for the compiled loops."""
+        return Memory(
+            self.centred, self.known, self.rows, self.square, self.short, self.reach,
+            self.statistic,
+        )  # fmt: skip
 
     @property
     def n(self) -> int:

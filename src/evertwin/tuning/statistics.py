@@ -95,10 +95,8 @@ def depends(
     correlation: Correlation, classes: Classes, outputs: tuple[str, ...], inputs: tuple[str, ...]
 ) -> tuple[Dependence, ...]:
     """`dependences` of residuals and inputs whose parts are known already."""
-    tests, told = analysed(
-        classes.number, classes.count, correlation.centred, correlation.known, correlation.rows,
-        correlation.square, correlation.short, correlation.reach, _overlap(correlation, classes),
-    )  # fmt: skip
+    overlap = _overlap(correlation, classes)
+    tests, told = analysed(classes.number, classes.count, correlation.parts, overlap)
     p = scipy.special.fdtrc(told[:, 4], told[:, 5], told[:, 3])
     best: dict[float, tuple[float, float, float]] = {}
     for chance, (k, j, part, *_) in zip(p.tolist(), told.tolist(), strict=True):

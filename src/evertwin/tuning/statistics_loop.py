@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
@@ -23,6 +23,22 @@ _PIECE = 8192
 """Rows that are summed at a time: below what the linear algebra library starts threads for."""
 _NEAR = 512
 """Rows that stay near the processor."""
+
+
+class Memory(NamedTuple):
+    """What residuals remember: fields of `evertwin.tuning.autocorrelation.Correlation`.
+
+    >>> Memory._fields[:4]
+    ('centred', 'known', 'rows', 'square')
+    """
+
+    centred: Any
+    known: Any
+    rows: Any
+    square: Any
+    short: Any
+    reach: Any
+    statistic: Any
 
 
 @njit(cache=True)
@@ -58,7 +74,7 @@ def tally(y: Any, r: Any, moving: Any) -> Any:
 
 @njit(cache=True)
 def remember(r: Any) -> Any:
-    """(centred, known, rows, square, rho, reach, statistic) of residuals ``r`` (n, ny).
+    """The `Memory` of residuals ``r`` (n, ny).
 
     Less the mean, 0 where unknown, and 1 where known (nothing if everywhere), both with outputs as
     rows, up to whole `LANES` of them, and zeros behind the rows of the data; known rows and sum of
@@ -100,7 +116,7 @@ def remember(r: Any) -> Any:
         for h in range(1, min(LAGS, (n - missing) // 5) + 1):
             statistic[k] += rho[k, h] * rho[k, h] / (rows[k] - h)
         statistic[k] *= rows[k] * (rows[k] + 2.0)
-    return centred, known, rows, square, rho, reach, statistic
+    return Memory(centred, known, rows, square, rho, reach, statistic)
 
 
 @instead("numpy:dot")
@@ -157,9 +173,8 @@ def shifted(columns: Any, used: Any, rho: Any, out: Any) -> None:
 
 @njit(cache=True, error_model="numpy")
 def propagated(
-    spectrum: Any, least: float, sigma: Any, columns: Any, at: Any, used: Any, blocks: Any,
-    rows: Any, rho: Any, reach: Any,
-) -> Any:  # fmt: skip
+    spectrum: Any, least: float, sigma: Any, acting: tuple[Any, ...], memory: Memory
+) -> Any:
     """(H⁻¹ (k, k), what each output's noise adds to the variance of the parameters (ny, k), its
     effective rows (ny,): n / (1 + 2 Σ ρ²)).
 
@@ -167,13 +182,14 @@ def propagated(
 
     Args:
         spectrum, least: of the information H; see `evertwin.tuning.gram.inverted`.
-        columns, at, used, blocks: of `evertwin.tuning.sensitivity.Sensitivity`.
-        rows, rho, reach: of `remember`.
+        acting: columns, at, used, blocks of `evertwin.tuning.sensitivity.Sensitivity`.
     """
+    columns, at, used, blocks = acting
+    rho, reach = memory.short, memory.reach
     inverse = inverted(spectrum, least)
     (ny, t), k = at.shape, len(inverse)
     out, found, gain = np.zeros((ny, k)), np.empty((t, t)), np.zeros((t, k))
-    effective = rows.copy()
+    effective = memory.rows.copy()
     for o in range(ny):
         for i in range(k):
             for j in range(k):
@@ -184,10 +200,10 @@ def propagated(
                         out[o, a] += inverse[i, a] * w * inverse[j, a]
         if reach[o] < 1:
             continue
-        memory = 0.0
+        kept = 0.0
         for h in range(1, reach[o] + 1):
-            memory += rho[o, h] * rho[o, h]
-        effective[o] /= 1.0 + 2.0 * memory
+            kept += rho[o, h] * rho[o, h]
+        effective[o] /= 1.0 + 2.0 * kept
         gain[:], found[:] = 0.0, 0.0
         for a in range(t):
             if at[o, a] >= 0:
@@ -203,10 +219,7 @@ def propagated(
 
 
 @njit(cache=True)
-def analysed(
-    number: Any, count: Any, centred: Any, known: Any, rows: Any, square: Any, rho: Any,
-    reach: Any, overlap: Any,
-) -> Any:  # fmt: skip
+def analysed(number: Any, count: Any, memory: Memory, overlap: Any) -> Any:
     """(inputs of several classes, variance of residuals between the classes of inputs).
 
     The second has a row for each output with each of these inputs of which no other one is certain
@@ -215,9 +228,9 @@ def analysed(
 
     Args:
         number, count: class of each input at each row, (nu, n), and rows of each class, (nu, BINS).
-        centred, known, rows, square, rho, reach: of `remember`.
-        overlap: rows that count as one, (ny, nu); nothing: from ``rho`` and ``reach``.
+        overlap: rows that count as one, (ny, nu); nothing: those of the memory.
     """
+    centred, known, rows, square, rho, reach, _ = memory
     ny, nu, n = len(rows), number.shape[0], number.shape[1]
     if not len(overlap):
         overlap = overlapped(number, count, rho, reach)
@@ -265,7 +278,7 @@ def overlapped(number: Any, count: Any, rho: Any, reach: Any) -> Any:
     Args:
         number, count: class of each input at each row, (nu, n), and rows of each class, (nu, BINS),
             whose autocorrelation is ρ_c.
-        rho, reach: of `remember`; no output remembers longer than `LAGS`.
+        rho, reach: of a `Memory`; no output remembers longer than `LAGS`.
     """
     nu, n = number.shape
     most, found = reach.max(), np.ones((len(reach), nu))
