@@ -29,7 +29,7 @@ from evertwin.compiled.functions import njit
 from evertwin.models.contract import Model, PartialModel
 from evertwin.models.function import kernel_of
 from evertwin.models.kernel import Kernel, Restart
-from evertwin.models.rollout import roll, roll_rows
+from evertwin.models.rollout import contiguous, roll, roll_rows
 from evertwin.types import (
     Float64,
     Inputs,
@@ -54,11 +54,10 @@ def _pool(threads: int, process: int) -> ThreadPoolExecutor:
 
 @njit(cache=True, nogil=True)
 def _free(
-    step: int, observe: int, context: Any, x: Any, u: Any, dt: Any, p: Any, y: Any, code: Any,
-    x0: Any, out: Any,
-) -> None:  # fmt: skip
+    step: int, observe: int, context: Any, rows: tuple[Any, ...], x: Any, p: Any, out: Any
+) -> None:
     """The loop of a native kernel, while other threads run theirs."""
-    roll_rows(step, observe, context, x, u, dt, p, y, code, x0, out)
+    roll_rows(step, observe, context, rows, x, p, out)
 
 
 def is_native(kept: Any) -> bool:
@@ -129,14 +128,12 @@ def rolled(
         for j, one in enumerate(p):
             out[j] = roll(kernel, starts[j], u, dt, one, restart._replace(x0=starts[j]))[1]
         return out
-    u, dt, y = (np.ascontiguousarray(a) for a in (u, dt, restart.y))
     step, observe = int(kernel.step), int(kernel.observe)
 
     def run(j: int) -> None:
-        _free.compiled(
-            step, observe, kernel.context, starts[j].copy(), u, dt,
-            np.ascontiguousarray(p[j]), y, restart.code, starts[j], out[j],
-        )  # fmt: skip
+        own = contiguous(u, dt, restart._replace(x0=starts[j]))
+        state, values = starts[j].copy(), np.ascontiguousarray(p[j])
+        _free.compiled(step, observe, kernel.context, own, state, values, out[j])
 
     list(_pool(threads, os.getpid()).map(run, range(len(p))))
     return out

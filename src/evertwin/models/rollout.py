@@ -23,10 +23,10 @@ from evertwin.types import Inputs, Intervals, ParameterVector, Rollout, StateVec
 
 @njit(cache=True)
 def roll_rows(
-    step: int, observe: int, context: Any, x: Any, u: Any, dt: Any, p: Any, y: Any, code: Any,
-    x0: Any, out: Any,
-) -> None:  # fmt: skip
-    """One pass over the rows: restart (where asked), step, store."""
+    step: int, observe: int, context: Any, rows: tuple[Any, ...], x: Any, p: Any, out: Any
+) -> None:
+    """One pass over the rows (inputs, steps, `Restart`): restart (where asked), step, store."""
+    u, dt, (y, code, x0) = rows
     n, nu, ny = u.shape[0], u.shape[1], out.shape[1]
     ahead = np.empty_like(x)
     u_at, out_at, y_at = u.ctypes.data, out.ctypes.data, y.ctypes.data
@@ -57,12 +57,15 @@ def roll(
     """
     state = np.array(x, dtype=np.float64)
     out = np.empty((len(u), restart.y.shape[1]))
-    looped(
-        roll_rows, kernel, state, np.ascontiguousarray(u), np.ascontiguousarray(dt),
-        np.ascontiguousarray(p), np.ascontiguousarray(restart.y), restart.code,
-        np.array(restart.x0, dtype=np.float64), out,
-    )  # fmt: skip
+    rows = contiguous(u, dt, restart._replace(x0=np.array(restart.x0, dtype=np.float64)))
+    looped(roll_rows, kernel, rows, state, np.ascontiguousarray(p), out)
     return state, out
+
+
+def contiguous(u: Inputs, dt: Intervals, restart: Restart) -> tuple[Inputs, Intervals, Restart]:
+    """Rows as `roll_rows` reads them."""
+    y = np.ascontiguousarray(restart.y)
+    return np.ascontiguousarray(u), np.ascontiguousarray(dt), restart._replace(y=y)
 
 
 def sized(x: StateVector, states: Layout, p: ParameterVector, parameters: Parameters) -> None:

@@ -143,9 +143,10 @@ def test_compiled_code_does_what_plain_code_does() -> None:
     def run(function: Any) -> np.ndarray:
         found = np.zeros((3, len(R)))
         cov = np.array([[0.1, 0.05, 0.2], [1e-6, 0.0, 0.1], [2.0, 1.0, 2.0]])
-        function(np.array([0.5, 0.4, -0.1]), np.ones(3), cov, np.full(3, 0.4),
-                 np.array([1.0, 5.0, 2.0]), np.array([0.02, 0.03]), np.tile(R, (3, 1)),
-                 passage.NODES, passage.SHARES, found)  # fmt: skip
+        told = (np.array([0.5, 0.4, -0.1]), np.ones(3), cov, np.full(3, 0.4),
+                np.array([1.0, 5.0, 2.0]))  # fmt: skip
+        nodes = passage.NODES, passage.SHARES
+        function(told, np.array([0.02, 0.03]), np.tile(R, (3, 1)), nodes, found)
         return found
 
     both = run(passage.drifting.compiled), run(passage.drifting.plain)

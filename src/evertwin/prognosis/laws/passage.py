@@ -63,19 +63,20 @@ def process(
     out = np.zeros_like(r)
     middle = (np.arange(SCALES) + 0.5) / SCALES
     inverse = 1.0 / scipy.special.chdtri(posterior.dof, middle)
-    drifting(
-        limit - posterior.now, posterior.growth, posterior.cov, posterior.square, q, inverse, r,
-        NODES, SHARES, out,
-    )  # fmt: skip
+    told = limit - posterior.now, posterior.growth, posterior.cov, posterior.square, q
+    drifting(told, inverse, r, (NODES, SHARES), out)
     return out
 
 
 @njit(cache=True)
-def drifting(
-    d: Any, b: Any, cov: Any, square: Any, q: Any, inverse: Any, r: Any, nodes: Any, shares: Any,
-    out: Any,
-) -> None:  # fmt: skip
-    """Adds up the averages of the module's formula over the nodes, in place."""
+def drifting(told: tuple[Any, ...], inverse: Any, r: Any, nodes: tuple[Any, Any], out: Any) -> None:
+    """Adds up the averages of the module's formula over the nodes, in place.
+
+    Args:
+        told: distance d to the limit, growth b, their covariance, the noise's square, and q.
+        nodes: as deviates, and their shares.
+    """
+    (d, b, cov, square, q), (deviates, shares) = told, nodes
     for h in range(r.shape[0]):
         for scale in inverse:
             s2 = square[h] * scale
@@ -87,11 +88,11 @@ def drifting(
             drifts = max(b[h], 0.1 * d[h])
             sharp = d[h] > 0.0 and spread * spread * drifts < SHARP * sigma2 * d[h]
             total = 1.0 if sharp else 0.0
-            for k in range(0 if sharp else len(nodes)):
-                if d[h] + spread * nodes[k] > 0.0:
+            for k in range(0 if sharp else len(shares)):
+                if d[h] + spread * deviates[k] > 0.0:
                     total += shares[k]
-            for k in range(1 if sharp else len(nodes)):
-                away = 0.0 if sharp else spread * nodes[k]
+            for k in range(1 if sharp else len(shares)):
+                away = 0.0 if sharp else spread * deviates[k]
                 distance = d[h] + away
                 if total > 0.0 and distance <= 0.0:
                     continue
