@@ -12,7 +12,7 @@ import scipy
 from evertwin.app.starting import Said, write_starter
 from evertwin.config import read
 from evertwin.errors import UsageError
-from evertwin.starter.oscillator_guess import driven
+from evertwin.starter.numbers.oscillator_guess import driven
 
 
 @pytest.fixture

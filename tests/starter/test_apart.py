@@ -9,7 +9,7 @@ import pytest
 
 from evertwin.machines.catalog import machine
 from evertwin.starter import kind_of, look, mapped
-from evertwin.starter.apart import bare, themes
+from evertwin.starter.looks.apart import bare, themes
 
 WORDS = (
     "diff", "set", "target", "error", "acc", "ref", "real", "max", "goal", "temp", "force",

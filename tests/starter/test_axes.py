@@ -12,7 +12,7 @@ import pytest
 from evertwin import Twin
 from evertwin.app.starting import write_starter
 from evertwin.config import TwinSpec, read
-from evertwin.starter.words import quantity, role, words
+from evertwin.starter.looks.words import quantity, role, words
 
 H = 0.01
 T = H * np.arange(3000)

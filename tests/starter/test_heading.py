@@ -12,7 +12,7 @@ from evertwin import Twin
 from evertwin.app.starting import write_starter
 from evertwin.config import read
 from evertwin.machines.mobile import Differential
-from evertwin.starter.words import quantity, words
+from evertwin.starter.looks.words import quantity, words
 from planted.draws import first_of
 
 STEP, ROWS = 0.1, 4000

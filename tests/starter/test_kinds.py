@@ -12,7 +12,7 @@ import pytest
 from evertwin import Twin
 from evertwin.app.starting import write_starter
 from evertwin.config import read
-from evertwin.starter.words import said_unit
+from evertwin.starter.looks.words import said_unit
 from planted.draws import first_of
 
 T = np.arange(600.0)

@@ -15,7 +15,7 @@ from evertwin.errors import UsageError
 from evertwin.machines.catalog import machine
 from evertwin.refit.workers import setup_of
 from evertwin.starter import Proposal, look, mapped
-from evertwin.starter.payload import acting
+from evertwin.starter.numbers.payload import acting
 
 T = np.arange(0.0, 20.0, 0.01)
 JOINTS = 6

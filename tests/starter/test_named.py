@@ -8,7 +8,7 @@ import pytest
 
 from evertwin.signals import Channel, Layout
 from evertwin.starter import look
-from evertwin.starter.named import matched
+from evertwin.starter.channels.named import matched
 
 ARM = Layout(
     tuple(Channel(f"q{i}", "rad", kind="angle") for i in (1, 2))

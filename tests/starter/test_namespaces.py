@@ -20,7 +20,7 @@ from evertwin.starter import (
     of_namespace,
     of_one_machine,
 )
-from evertwin.starter.namespaces import namespaces
+from evertwin.starter.channels.namespaces import namespaces
 from planted.draws import first_of
 
 from .test_bags import STORE, TYPES, odometry, vector

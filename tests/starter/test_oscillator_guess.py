@@ -10,7 +10,7 @@ import pytest
 
 from evertwin import Twin
 from evertwin.app.starting import Said, write_starter
-from evertwin.starter.oscillator_guess import driven, guess_oscillator
+from evertwin.starter.numbers.oscillator_guess import driven, guess_oscillator
 from planted.draws import first_of
 
 

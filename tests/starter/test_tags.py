@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from evertwin.app.starting import write_starter
-from evertwin.starter.cause import told
-from evertwin.starter.words import role, said_unit, words
+from evertwin.starter.channels.cause import told
+from evertwin.starter.looks.words import role, said_unit, words
 
 T = np.arange(600.0)
 TOLD = {

@@ -10,7 +10,7 @@ import pytest
 
 from evertwin.app.starting import write_starter
 from evertwin.config import read
-from evertwin.starter.words import quantity, role, words
+from evertwin.starter.looks.words import quantity, role, words
 
 
 def _axis(seed: int, step: float, n: int = 3000) -> tuple[np.ndarray, ...]:

@@ -52,7 +52,7 @@ from evertwin.settings.quantity import written
 from evertwin.signals.units import compatible, from_si, to_si
 from evertwin.sources.names import split_unit
 from evertwin.sources.small_table import Table, read_table
-from evertwin.starter.words import said_unit
+from evertwin.starter.looks.words import said_unit
 from evertwin.types import Vector
 
 FEW = 5

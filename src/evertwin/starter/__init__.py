@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 from evertwin.surface import surface
 
 if TYPE_CHECKING:
-    from evertwin.starter.axes import by_axis as by_axis
+    from evertwin.starter.channels.axes import by_axis as by_axis
     from evertwin.starter.draft import Draft as Draft
-    from evertwin.starter.joints import joints_of as joints_of, stand_in as stand_in
+    from evertwin.starter.channels.joints import joints_of as joints_of, stand_in as stand_in
     from evertwin.starter.kinds import (
         ARM as ARM, PUMP as PUMP, kind_of as kind_of, pump as pump,
     )  # fmt: skip
-    from evertwin.starter.mapping import mapped as mapped
+    from evertwin.starter.channels.mapping import mapped as mapped
     from evertwin.starter.model_file import own_model as own_model, pump_model as pump_model
-    from evertwin.starter.namespaces import (
+    from evertwin.starter.channels.namespaces import (
         belonging as belonging, of_namespace as of_namespace, of_one_machine as of_one_machine,
     )  # fmt: skip
     from evertwin.starter.options import (
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from evertwin.starter.proposal import (
         Derivation as Derivation, Match as Match, Proposal as Proposal,
     )  # fmt: skip
-    from evertwin.starter.reach import unforeseen as unforeseen
-    from evertwin.starter.seen import Seen as Seen, look as look
+    from evertwin.starter.numbers.reach import unforeseen as unforeseen
+    from evertwin.starter.looks.seen import Seen as Seen, look as look
 
 __getattr__ = surface(__name__)

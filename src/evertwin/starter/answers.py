@@ -17,9 +17,9 @@ from evertwin.models import Model
 from evertwin.settings.quantity import as_number, in_unit
 from evertwin.sources.description import ColumnInfo
 from evertwin.sources.names import listed
-from evertwin.starter.named import unit_of
+from evertwin.starter.channels.named import unit_of
+from evertwin.starter.looks.seen import Seen
 from evertwin.starter.proposal import ASK, Match, Proposal
-from evertwin.starter.seen import Seen
 
 WHAT, MODEL = ("rate", "column", "scale", "value"), "model"
 Answers: TypeAlias = Mapping[tuple[str, str], str]

@@ -19,20 +19,20 @@ from evertwin.models import Model
 from evertwin.models.contract import is_adopted
 from evertwin.settings.writing import inline, template
 from evertwin.signals import conversion
+from evertwin.starter.channels.named import short
 from evertwin.starter.feeding import Source
-from evertwin.starter.foretold import Answer, answer_of, buried, moved
-from evertwin.starter.lagging import time_constant
-from evertwin.starter.named import short
+from evertwin.starter.looks.seen import Seen
+from evertwin.starter.looks.words import quantity, words
+from evertwin.starter.numbers.foretold import Answer, answer_of, buried, moved
+from evertwin.starter.numbers.lagging import time_constant
+from evertwin.starter.numbers.oscillator_guess import Oscillator
+from evertwin.starter.numbers.payload import acting
+from evertwin.starter.numbers.speeds import fastest, of_joints
+from evertwin.starter.numbers.starts import own_of, starts_of
+from evertwin.starter.numbers.store_guess import Store
+from evertwin.starter.numbers.wear import at_usual_speed
 from evertwin.starter.options import stands_in
-from evertwin.starter.oscillator_guess import Oscillator
-from evertwin.starter.payload import acting
 from evertwin.starter.proposal import ASK, Proposal, position, together
-from evertwin.starter.seen import Seen
-from evertwin.starter.speeds import fastest, of_joints
-from evertwin.starter.starts import own_of, starts_of
-from evertwin.starter.store_guess import Store
-from evertwin.starter.wear import at_usual_speed
-from evertwin.starter.words import quantity, words
 
 NAMED = 3
 """Recordings that are named in the first line."""

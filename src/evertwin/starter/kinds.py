@@ -15,17 +15,14 @@ import numpy as np
 
 from evertwin.machines.catalog import machine
 from evertwin.sources.description import ColumnInfo
-from evertwin.starter.axes import by_axis
-from evertwin.starter.bare import told_apart
+from evertwin.starter.channels.axes import by_axis
+from evertwin.starter.channels.bare import told_apart
+from evertwin.starter.channels.joints import joints_of
+from evertwin.starter.channels.mapping import mapped
+from evertwin.starter.channels.named import unit_of
 from evertwin.starter.draft import EFFORTS
-from evertwin.starter.joints import joints_of
-from evertwin.starter.mapping import mapped
-from evertwin.starter.named import unit_of
-from evertwin.starter.oscillator_guess import guess_oscillator
-from evertwin.starter.proposal import Match, Proposal
-from evertwin.starter.seen import Seen
-from evertwin.starter.starts import NEARER
-from evertwin.starter.words import (
+from evertwin.starter.looks.seen import Seen
+from evertwin.starter.looks.words import (
     AMBIENT,
     HEATER,
     QUANTITIES,
@@ -35,6 +32,9 @@ from evertwin.starter.words import (
     same_kind,
     words,
 )
+from evertwin.starter.numbers.oscillator_guess import guess_oscillator
+from evertwin.starter.numbers.starts import NEARER
+from evertwin.starter.proposal import Match, Proposal
 
 ARM = "joints"
 """An arm of which no description is given."""

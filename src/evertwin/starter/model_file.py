@@ -9,10 +9,10 @@ from importlib.resources import files as resources
 import numpy as np
 
 from evertwin.signals import conversion, si_unit
-from evertwin.starter.oscillator_guess import Oscillator
+from evertwin.starter.looks.seen import Seen
+from evertwin.starter.numbers.oscillator_guess import Oscillator
+from evertwin.starter.numbers.store_guess import Store
 from evertwin.starter.proposal import Match
-from evertwin.starter.seen import Seen
-from evertwin.starter.store_guess import Store
 
 
 def pump_model(seen: Sequence[Seen], found: Sequence[Match]) -> str:

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from evertwin.errors import UsageError
-from evertwin.starter.joint_count import told_joints
+from evertwin.starter.looks.joint_count import told_joints
+from evertwin.starter.looks.seen import Seen
 from evertwin.starter.proposal import ASK
-from evertwin.starter.seen import Seen
 
 BUILT_IN, JOINTS = "ur5_like", 6
 """The description of an arm of which none is given, and its joints."""

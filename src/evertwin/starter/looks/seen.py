@@ -22,8 +22,8 @@ from evertwin.sources.names import sampled
 from evertwin.sources.recording import open_recording
 from evertwin.sources.stamps import NO_STAMP, to_ns
 from evertwin.sources.table import Recording
-from evertwin.starter.apart import themes
-from evertwin.starter.words import quantity, said_unit, words
+from evertwin.starter.looks.apart import themes
+from evertwin.starter.looks.words import quantity, said_unit, words
 from evertwin.types import Float64, Vector
 
 ROWS = 50_000

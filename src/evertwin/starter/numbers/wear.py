@@ -10,9 +10,9 @@ import math
 from collections.abc import Sequence
 
 from evertwin.models import Model
+from evertwin.starter.looks.seen import Seen
+from evertwin.starter.numbers.speeds import fastest
 from evertwin.starter.proposal import Proposal
-from evertwin.starter.seen import Seen
-from evertwin.starter.speeds import fastest
 
 USUAL = 0.5
 """Part of the speed below which a joint nearly always goes."""

@@ -24,7 +24,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from evertwin.starter.words import AMBIENT, QUANTITIES, role, same_kind, words
+from evertwin.starter.looks.words import AMBIENT, QUANTITIES, role, same_kind, words
 from evertwin.types import Vector
 
 IN, OUT = {"u", "in", "input"}, {"y", "out", "output"}

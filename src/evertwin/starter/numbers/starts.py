@@ -11,12 +11,12 @@ from evertwin.machines.drive import Drive, DriveForce
 from evertwin.machines.thermal import POWER, ThermalBox
 from evertwin.models import Model
 from evertwin.signals import to_si
-from evertwin.starter.foretold import buried
-from evertwin.starter.oscillator_guess import Oscillator, guess_oscillator
+from evertwin.starter.looks.relations import wraps
+from evertwin.starter.looks.seen import Seen
+from evertwin.starter.numbers.foretold import buried
+from evertwin.starter.numbers.oscillator_guess import Oscillator, guess_oscillator
+from evertwin.starter.numbers.store_guess import UNKNOWN, Store, guess_store
 from evertwin.starter.proposal import ASK, Match
-from evertwin.starter.relations import wraps
-from evertwin.starter.seen import Seen
-from evertwin.starter.store_guess import UNKNOWN, Store, guess_store
 from evertwin.types import Vector
 
 HEATER, QUICK = 0.1, 50.0

@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.gauges.noise import rounding
+from evertwin.starter.looks.seen import Seen
+from evertwin.starter.looks.words import same_kind
 from evertwin.starter.proposal import ASK, Match
-from evertwin.starter.seen import Seen
-from evertwin.starter.words import same_kind
 from evertwin.types import Vector
 
 CLEAR = 30.0

@@ -11,10 +11,10 @@ from dataclasses import replace
 
 from evertwin.signals import Channel, lacks_angle
 from evertwin.sources.description import ColumnInfo
-from evertwin.starter.named import matched, unit_of
+from evertwin.starter.channels.named import matched, unit_of
+from evertwin.starter.looks.seen import Seen
+from evertwin.starter.looks.words import WHEEL, role, same_kind, words
 from evertwin.starter.proposal import ASK, Answer, Derivation, Match
-from evertwin.starter.seen import Seen
-from evertwin.starter.words import WHEEL, role, same_kind, words
 
 _POSE = (Channel("x", "m"), Channel("y", "m"), Channel("heading", "rad", kind="angle"))
 SIDES = {

@@ -16,7 +16,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from evertwin.starter.words import OTHERS, WHEEL, quantity, role, words
+from evertwin.starter.looks.words import OTHERS, WHEEL, quantity, role, words
 
 _LEVEL = re.compile(r"[/.]")
 

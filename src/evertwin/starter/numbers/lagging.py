@@ -19,8 +19,8 @@ from evertwin.models.batch import mapped
 from evertwin.signals import Channel
 from evertwin.signals.fir import Symmetric
 from evertwin.signals.units import to_si
+from evertwin.starter.looks.seen import Seen
 from evertwin.starter.proposal import Match, Proposal
-from evertwin.starter.seen import Seen
 from evertwin.types import Bool, Float64, Outputs, Vector
 
 LONGEST, STEPS = 0.1, 20

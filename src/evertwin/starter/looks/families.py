@@ -20,7 +20,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
-from evertwin.starter.words import quantity
+from evertwin.starter.looks.words import quantity
 
 _WORD = re.compile(r"[A-Za-z]{2,}|(?<![A-Za-z])[A-Za-z](?![A-Za-z])")
 _NAMED = re.compile(r"(?<![A-Za-z0-9])[A-Za-z]+\d*(?![A-Za-z0-9])")

@@ -13,9 +13,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from evertwin.starter.looks.relations import derivative
+from evertwin.starter.looks.seen import Seen
 from evertwin.starter.proposal import ASK, Match
-from evertwin.starter.relations import derivative
-from evertwin.starter.seen import Seen
 
 TURN, SLIP, FASTEST = 180.0 / math.pi, 2.0, 7.0
 """rad in degrees; factor by which a base may turn more or less than told; and how fast [rad/s]."""

@@ -15,12 +15,12 @@ import numpy as np
 
 from evertwin.signals import Channel
 from evertwin.sources.description import ColumnInfo
-from evertwin.starter.families import families
-from evertwin.starter.named import unit_of
+from evertwin.starter.channels.named import unit_of
+from evertwin.starter.looks.families import families
+from evertwin.starter.looks.relations import CLEAR, Relation, derivative
+from evertwin.starter.looks.seen import Seen
+from evertwin.starter.looks.words import quantity, role, words
 from evertwin.starter.proposal import ASK, Answer, Derivation, Match
-from evertwin.starter.relations import CLEAR, Relation, derivative
-from evertwin.starter.seen import Seen
-from evertwin.starter.words import quantity, role, words
 from evertwin.types import Float64
 
 _WANTED = {

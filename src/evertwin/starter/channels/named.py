@@ -17,10 +17,9 @@ from collections.abc import Collection, Iterable, Sequence
 from evertwin.signals import Channel, conversion, lacks_angle
 from evertwin.sources.description import ColumnInfo
 from evertwin.sources.names import unit_problem
-from evertwin.starter.compass import COMPASS, EAST, NORTH
-from evertwin.starter.proposal import ASK, Answer, Match
-from evertwin.starter.seen import Seen
-from evertwin.starter.words import (
+from evertwin.starter.channels.compass import COMPASS, EAST, NORTH
+from evertwin.starter.looks.seen import Seen
+from evertwin.starter.looks.words import (
     AMBIENT,
     HEATER,
     WHEEL,
@@ -30,6 +29,7 @@ from evertwin.starter.words import (
     same_kind,
     words,
 )
+from evertwin.starter.proposal import ASK, Answer, Match
 
 _SYNONYMS = (
     {"v", "speed", "velocity", "vel", "linear", "lin", "forward"},

@@ -18,7 +18,7 @@ from evertwin.errors import UsageError
 from evertwin.signals import compatible
 from evertwin.signals.units import powers
 from evertwin.sources.description import ColumnInfo
-from evertwin.starter.abroad import english
+from evertwin.starter.looks.abroad import english
 
 QUANTITIES = {
     "acceleration": {"qdd", "ddq", "acc", "accel", "acceleration", "accelerations", "qddot"},

@@ -10,8 +10,8 @@ import numpy as np
 from evertwin.gauges.sensor_change import unmeasured
 from evertwin.signals.at_rest import stands
 from evertwin.signals.units import conversion
+from evertwin.starter.looks.seen import Seen
 from evertwin.starter.proposal import ASK, Match, Proposal
-from evertwin.starter.seen import Seen
 
 USUAL = 0.05
 """Speed of a joint above which it moves [rad/s], where it often goes much faster."""

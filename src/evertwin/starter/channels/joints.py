@@ -12,10 +12,10 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
-from evertwin.starter.arm import bare_joints
-from evertwin.starter.families import families
-from evertwin.starter.seen import Seen
-from evertwin.starter.words import quantity, role, words
+from evertwin.starter.channels.arm import bare_joints
+from evertwin.starter.looks.families import families
+from evertwin.starter.looks.seen import Seen
+from evertwin.starter.looks.words import quantity, role, words
 
 LEAST, MOST = 4, 16
 """Fewer are axes, each a machine of its own."""

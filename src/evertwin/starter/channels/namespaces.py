@@ -18,8 +18,8 @@ from evertwin.errors import UsageError
 from evertwin.signals import conversion, unwrapped
 from evertwin.signals.related import Follows, follows
 from evertwin.sources.names import closest
+from evertwin.starter.looks.seen import Seen
 from evertwin.starter.proposal import ASK, Match, Proposal
-from evertwin.starter.seen import Seen
 from evertwin.types import Vector
 
 _TURNS, _GOES = "w", ("v", "vx")

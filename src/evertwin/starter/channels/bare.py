@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from evertwin.sources.description import TableInfo
-from evertwin.starter.apart import bare
+from evertwin.starter.looks.apart import bare
+from evertwin.starter.looks.seen import Seen
 from evertwin.starter.proposal import Proposal
-from evertwin.starter.seen import Seen
 
 
 def told_apart(seen: Sequence[Seen]) -> tuple[tuple[Seen, ...], dict[tuple[int, str], str]]:

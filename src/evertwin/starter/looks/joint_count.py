@@ -6,7 +6,7 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 
-from evertwin.starter.seen import Seen
+from evertwin.starter.looks.seen import Seen
 
 
 def told_joints(seen: Sequence[Seen]) -> int:

@@ -15,8 +15,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from evertwin.starter.seen import Seen
-from evertwin.starter.words import words
+from evertwin.starter.looks.seen import Seen
+from evertwin.starter.looks.words import words
 
 _LETTERS = frozenset("xyzabc")
 LEAST = 2

@@ -12,9 +12,9 @@ from dataclasses import replace
 import numpy as np
 
 from evertwin.signals import conversion
+from evertwin.starter.looks.seen import Seen
+from evertwin.starter.looks.words import words
 from evertwin.starter.proposal import ASK, Match
-from evertwin.starter.seen import Seen
-from evertwin.starter.words import words
 from evertwin.types import Vector
 
 COMPASS = {"compass", "azimuth"}

@@ -3,7 +3,7 @@
 >>> import tempfile
 >>> from pathlib import Path
 >>> from evertwin.machines.catalog import machine
->>> from evertwin.starter.seen import look
+>>> from evertwin.starter.looks.seen import look
 >>> file = Path(tempfile.mkdtemp()) / "run.csv"
 >>> _ = file.write_text("time [s],forward velocity [cm/s],x [cm]\\n0,10,0\\n0.1,12,1\\n0.2,11,2\\n")
 >>> match = mapped(machine("robot1d", {}), look([file])[0]).matches[0]
@@ -24,17 +24,16 @@ from evertwin.models import Model
 from evertwin.signals import Channel, conversion
 from evertwin.sources.description import ColumnInfo
 from evertwin.sources.names import listed, unit_problem
-from evertwin.starter.arm import of_arm
-from evertwin.starter.bare import restored, told_apart
-from evertwin.starter.base import SIDES, of_odometry, of_pose, of_wheels
-from evertwin.starter.cause import NAMED, stepped, told
-from evertwin.starter.compass import as_compass
-from evertwin.starter.named import matched, short, sole, unit_of
-from evertwin.starter.proposal import ASK, Derivation, Match, Proposal
-from evertwin.starter.relations import wraps
-from evertwin.starter.seen import Seen
-from evertwin.starter.turning import as_turned
-from evertwin.starter.words import (
+from evertwin.starter.channels.arm import of_arm
+from evertwin.starter.channels.bare import restored, told_apart
+from evertwin.starter.channels.base import SIDES, of_odometry, of_pose, of_wheels
+from evertwin.starter.channels.cause import NAMED, stepped, told
+from evertwin.starter.channels.compass import as_compass
+from evertwin.starter.channels.named import matched, short, sole, unit_of
+from evertwin.starter.channels.turning import as_turned
+from evertwin.starter.looks.relations import wraps
+from evertwin.starter.looks.seen import Seen
+from evertwin.starter.looks.words import (
     AMBIENT,
     HEATER,
     is_temperature,
@@ -43,6 +42,7 @@ from evertwin.starter.words import (
     same_kind,
     words,
 )
+from evertwin.starter.proposal import ASK, Derivation, Match, Proposal
 
 FAR = 3.0
 """So many times as far as the air around it what is heated moves at least."""

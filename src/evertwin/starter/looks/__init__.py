@@ -1,0 +1,1 @@
+"""What recordings show: their headings in the field's words, and what columns say of each other."""
