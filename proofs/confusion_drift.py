@@ -20,8 +20,8 @@ import sys
 import numpy as np
 from scipy import stats
 
-from evertwin.features.confusion_drift import ConfusionDrift
-from evertwin.features.labelled import Labelled
+from evertwin.features.images.confusion_drift import ConfusionDrift
+from evertwin.features.images.labelled import Labelled
 from evertwin.fold import Chunk, Event
 from proofs._verdict import ended
 from proofs.confusions import CLASSES, FROM, TO, rates

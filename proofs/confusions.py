@@ -23,9 +23,9 @@ from pathlib import Path
 
 import numpy as np
 
-from evertwin.features.confusions import confusions
-from evertwin.features.labelled import read_labelled
-from evertwin.features.randomisation import leads
+from evertwin.features.images.confusions import confusions
+from evertwin.features.images.labelled import read_labelled
+from evertwin.features.images.randomisation import leads
 from proofs._verdict import chance, ended
 
 CLASSES = 5

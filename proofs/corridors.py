@@ -11,8 +11,8 @@ import sys
 
 import numpy as np
 
-from evertwin.features.mapping import mapped
-from evertwin.features.poses import Fix
+from evertwin.features.maps.mapping import mapped
+from evertwin.features.scans.poses import Fix
 from planted.corridors import WAY, driven
 from proofs._verdict import ended
 

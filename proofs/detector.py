@@ -4,9 +4,10 @@
 
 Halls, views, lenses, lamps and patterns are drawn by seeds that training had none of
 (`proofs/detector_training`); each picture is of another hall. Scored is what
-`evertwin.features.detector` gives, which `evertwin detect` calls: the average precision at an
-overlap of half, over tables, boxes and people (the mean: mAP), of things at least 6 pixels wide and
-high and of 40 pixels; beside it the net that saw as many pictures in one look, on the same ones.
+`evertwin.features.images.detector` gives, which `evertwin detect` calls: the average precision at
+an overlap of half, over tables, boxes and people (the mean: mAP), of things at least 6 pixels wide
+and high and of 40 pixels; beside it the net that saw as many pictures in one look, on the same
+ones.
 
 1. Looks drawn as in training. Asked: mAP ≥ .8, for each of the seeds.
 2. Looks of families that training had none of (`planted.looks`): spot lights in colours, rings,
@@ -32,8 +33,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from evertwin.features.detector import DATA, Detection, Detector
-from evertwin.features.marks import Mark, average_precision
+from evertwin.features.images.detector import DATA, Detection, Detector
+from evertwin.features.images.marks import Mark, average_precision
 from evertwin.worlds.camera import Lens, Look, shaded, traced
 from evertwin.worlds.looks import CLASSES, class_of, drawn, names, plain
 from evertwin.worlds.scenes import hall, marked, view

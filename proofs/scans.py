@@ -27,12 +27,12 @@ from typing import Any
 
 import numpy as np
 
-from evertwin.features import habits, scan_fit, scan_matcher
-from evertwin.features.local_map import Known, placed
-from evertwin.features.mapping import followed, mapped
-from evertwin.features.registration import REACH, beside
-from evertwin.features.segments import surface_of
-from evertwin.features.trajectory_error import TrajectoryError, trajectory_error
+from evertwin.features.maps.mapping import followed, mapped
+from evertwin.features.maps.segments import surface_of
+from evertwin.features.maps.trajectory_error import TrajectoryError, trajectory_error
+from evertwin.features.scans import habits, scan_fit, scan_matcher
+from evertwin.features.scans.local_map import Known, placed
+from evertwin.features.scans.registration import REACH, beside
 from evertwin.signals.planar import between, chained
 from evertwin.sources import open_recording
 from evertwin.sources.scans import Scans

@@ -29,7 +29,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from evertwin.features.legs import View, gone_through
+from evertwin.features.tables.legs import View, gone_through
 from evertwin.models.mujoco import MuJoCo
 from evertwin.sources.scans import Scans
 from planted.halls import Sight, from_start, legs, recorded_hall

@@ -4,8 +4,8 @@
     python -m proofs.detector_training
 
 Two nets of one form, on as many pictures, for as many steps: one on randomised looks, one on the
-plain look. The first goes to ``src/evertwin/features/data/objects.onnx``, which the package ships;
-the second to this folder, for `proofs.detector` to compare. One core, about twenty minutes.
+plain look. The first goes to ``src/evertwin/features/images/data/objects.onnx``, which the package
+ships; the second to this folder, for `proofs.detector` to compare. One core, about twenty minutes.
 """
 
 from __future__ import annotations

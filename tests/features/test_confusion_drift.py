@@ -11,8 +11,8 @@ import pytest
 
 from evertwin.app.cli import main
 from evertwin.errors import DataError, UsageError
-from evertwin.features.confusion_drift import ConfusionDrift, DriftState
-from evertwin.features.labelled import Labelled
+from evertwin.features.images.confusion_drift import ConfusionDrift, DriftState
+from evertwin.features.images.labelled import Labelled
 from evertwin.fold import Chunk, Event
 from evertwin.fold.state import copy, equal, load, save
 

@@ -11,8 +11,8 @@ from scipy import stats
 
 from evertwin.app.cli import main
 from evertwin.errors import DataError, UsageError
-from evertwin.features.confusions import confusions
-from evertwin.features.labelled import NOTHING, Labelled, read_labelled
+from evertwin.features.images.confusions import confusions
+from evertwin.features.images.labelled import NOTHING, Labelled, read_labelled
 
 CLASSES = ("box", "chair", "table")
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from evertwin.features.fusion import Belief, Sighting, Step, measured, predicted
-from evertwin.features.mapping import mapped
-from evertwin.features.poses import Fix
-from evertwin.features.scan_fit import Expected
-from evertwin.features.surface import noise, surface
+from evertwin.features.maps.mapping import mapped
+from evertwin.features.scans.fusion import Belief, Sighting, Step, measured, predicted
+from evertwin.features.scans.poses import Fix
+from evertwin.features.scans.scan_fit import Expected
+from evertwin.features.scans.surface import noise, surface
 from planted.corridors import ANGLES, WAY, corridor, driven, scanned
 from planted.draws import first_of
 

@@ -11,9 +11,9 @@ import pytest
 
 from evertwin.app.cli import main
 from evertwin.errors import DataError, UsageError
-from evertwin.features.detector import DATA, Detection, Detector, decoded
-from evertwin.features.labelled import NOTHING, read_labelled
-from evertwin.features.marks import Mark, average_precision, judged, read_marks
+from evertwin.features.images.detector import DATA, Detection, Detector, decoded
+from evertwin.features.images.labelled import NOTHING, read_labelled
+from evertwin.features.images.marks import Mark, average_precision, judged, read_marks
 from evertwin.sources import open_recording
 from evertwin.sources.images import BagImage, images_of
 

@@ -13,10 +13,9 @@ import pytest
 from evertwin.app import mapping as app_mapping
 from evertwin.app.cli import main
 from evertwin.errors import DataError
-from evertwin.features import pose_graph
-from evertwin.features.local_map import seen
-from evertwin.features.mapping import Mapped, followed, mapped
-from evertwin.features.occupancy import (
+from evertwin.features.maps import pose_graph
+from evertwin.features.maps.mapping import Mapped, followed, mapped
+from evertwin.features.maps.occupancy import (
     FREE,
     OCCUPIED,
     UNKNOWN,
@@ -26,12 +25,13 @@ from evertwin.features.occupancy import (
     read,
     save,
 )
-from evertwin.features.open_ways import evened
-from evertwin.features.pose_graph import Edge, optimised
-from evertwin.features.poses import Fix, Poses
-from evertwin.features.relocalisation import View, located
-from evertwin.features.segments import surface_of
-from evertwin.features.trajectory_error import trajectory_error
+from evertwin.features.maps.open_ways import evened
+from evertwin.features.maps.pose_graph import Edge, optimised
+from evertwin.features.maps.relocalisation import View, located
+from evertwin.features.maps.segments import surface_of
+from evertwin.features.maps.trajectory_error import trajectory_error
+from evertwin.features.scans.local_map import seen
+from evertwin.features.scans.poses import Fix, Poses
 from evertwin.signals.planar import between
 from evertwin.sources.scans import Scans
 from planted.draws import first_of

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from evertwin.features.fusion import WIDEST, Belief, Sighting, measured
-from evertwin.features.pose_graph import Edge, variance_factor, visits
+from evertwin.features.maps.pose_graph import Edge, variance_factor, visits
+from evertwin.features.scans.fusion import WIDEST, Belief, Sighting, measured
 from evertwin.signals.planar import between, chained
 
 OUT, BACK = 30, 10

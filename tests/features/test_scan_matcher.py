@@ -8,15 +8,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evertwin.features.correlation import Bounds, Drawing, blocks
-from evertwin.features.local_map import Known
-from evertwin.features.mapping import followed
-from evertwin.features.poses import Fix, Poses
-from evertwin.features.registration import binned, explained, register
-from evertwin.features.scan_matcher import STANDING, ScanMatcher
-from evertwin.features.segments import surface_of
-from evertwin.features.surface import surface
-from evertwin.features.trajectory_error import trajectory_error
+from evertwin.features.maps.mapping import followed
+from evertwin.features.maps.segments import surface_of
+from evertwin.features.maps.trajectory_error import trajectory_error
+from evertwin.features.scans.correlation import Bounds, Drawing, blocks
+from evertwin.features.scans.local_map import Known
+from evertwin.features.scans.poses import Fix, Poses
+from evertwin.features.scans.registration import binned, explained, register
+from evertwin.features.scans.scan_matcher import STANDING, ScanMatcher
+from evertwin.features.scans.surface import surface
 from evertwin.fold import check_online, equal, make_block, take
 from evertwin.signals.planar import between, compose
 from evertwin.sources.scans import Lidar, Scans

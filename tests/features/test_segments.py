@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy.ndimage import distance_transform_edt, maximum_filter
 
-from evertwin.features import segments
-from evertwin.features.mapping import followed
-from evertwin.features.occupancy import FREE, OCCUPIED, Occupancy
-from evertwin.features.open_ways import evened
-from evertwin.features.poses import Fix, Poses
-from evertwin.features.relocalisation import BEHIND, Barriers, Located, View
-from evertwin.features.trajectory_error import trajectory_error
+from evertwin.features.maps import segments
+from evertwin.features.maps.mapping import followed
+from evertwin.features.maps.occupancy import FREE, OCCUPIED, Occupancy
+from evertwin.features.maps.open_ways import evened
+from evertwin.features.maps.relocalisation import BEHIND, Barriers, Located, View
+from evertwin.features.maps.trajectory_error import trajectory_error
+from evertwin.features.scans.poses import Fix, Poses
 from evertwin.signals.planar import between, compose
 from planted.draws import first_of
 from planted.rooms import Sensor, recorded

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from evertwin.features.fusion import Belief, Sighting, Step, measured, predicted
-from evertwin.features.stream import HOLD, Seen, Stream, Turned
+from evertwin.features.scans.fusion import Belief, Sighting, Step, measured, predicted
+from evertwin.features.scans.stream import HOLD, Seen, Stream, Turned
 from evertwin.fold import equal
 
 TICK = 5 * 10**7

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from evertwin.app.cli import main
-from evertwin.features.legs import View
-from evertwin.features.occupancy import read
-from evertwin.features.tables import Happened, Room, furnished
+from evertwin.features.maps.occupancy import read
+from evertwin.features.tables.legs import View
+from evertwin.features.tables.tables import Happened, Room, furnished
 from evertwin.sources.scans import Lidar
 from planted.halls import legs, met
 from planted.rooms import box, ranges

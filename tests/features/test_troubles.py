@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from evertwin.errors import DataError
-from evertwin.features.mapping import Mapped, mapped
-from evertwin.features.poses import Fix
-from evertwin.features.troubles import troubles
+from evertwin.features.maps.mapping import Mapped, mapped
+from evertwin.features.maps.troubles import troubles
+from evertwin.features.scans.poses import Fix
 from evertwin.signals.planar import between, chained, compose
 from evertwin.sources.scans import Lidar, Scans
 from planted.draws import first_of

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evertwin.features.mapping import mapped
-from evertwin.features.poses import Fix
-from evertwin.features.trust import without_repeats
-from evertwin.features.voting import outvoted
+from evertwin.features.maps.mapping import mapped
+from evertwin.features.scans.poses import Fix
+from evertwin.features.scans.trust import without_repeats
+from evertwin.features.scans.voting import outvoted
 from evertwin.signals.planar import between, compose
 from evertwin.sources.scans import Lidar, Scans, Track
 from planted.draws import first_of

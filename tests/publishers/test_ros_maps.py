@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from evertwin.errors import DataError
-from evertwin.features.cost_map import Inflation, inflated, read_costs
-from evertwin.features.occupancy import FREE, OCCUPIED, UNKNOWN, Occupancy, save
+from evertwin.features.maps.cost_map import Inflation, inflated, read_costs
+from evertwin.features.maps.occupancy import FREE, OCCUPIED, UNKNOWN, Occupancy, save
 from evertwin.publishers.contract import News
 from evertwin.publishers.ros_maps import MAPS, Maps
 from tests.publishers.test_ros_out import HEALTH, OUTPUTS, SCENE, heard, publisher, wait

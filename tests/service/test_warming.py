@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from evertwin.compiled import functions
-from evertwin.features import correlation, registration, surface
+from evertwin.features.scans import correlation, registration, surface
 from evertwin.models.terms import kernel
 from evertwin.service import service as serving
 from evertwin.service import warming

@@ -25,8 +25,8 @@ from scipy import stats
 
 from evertwin.ahead.basis import Basis, draws
 from evertwin.errors import DataError
-from evertwin.features.confusions import design_effect, wilson
-from evertwin.features.randomisation import SHARE
+from evertwin.features.images.confusions import design_effect, wilson
+from evertwin.features.images.randomisation import SHARE
 from evertwin.fold import Block, take
 from evertwin.models import Model, observed, remembers
 from evertwin.models.batch import Batch, mapped

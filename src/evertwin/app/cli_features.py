@@ -155,7 +155,7 @@ def tables(
     from evertwin.app.furnishing import Asked, make_tables, pose_of
     from evertwin.app.mapping import Topics
     from evertwin.errors import UsageError
-    from evertwin.features.cost_map import Inflation
+    from evertwin.features.maps.cost_map import Inflation
     from evertwin.models.table_bodies import Plate
 
     if not (0 < radius <= inflation and height > 0.05 and overhang >= 0):

@@ -11,9 +11,9 @@ import typer
 
 from evertwin.app.console import show
 from evertwin.errors import UsageError
-from evertwin.features.confusions import Cell, Confusions, Rate, confusions
-from evertwin.features.labelled import Labelled, read_labelled
-from evertwin.features.randomisation import Coverage, Lead, coverage, leads
+from evertwin.features.images.confusions import Cell, Confusions, Rate, confusions
+from evertwin.features.images.labelled import Labelled, read_labelled
+from evertwin.features.images.randomisation import Coverage, Lead, coverage, leads
 
 TOLD = 5
 """Settings that are named for one confusion."""

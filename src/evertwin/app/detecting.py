@@ -13,9 +13,9 @@ import numpy as np
 
 from evertwin.app.console import Alive, show
 from evertwin.errors import DataError
-from evertwin.features.detector import DATA, Detection, Detector
-from evertwin.features.labelled import NOTHING
-from evertwin.features.marks import EDGES, Mark, average_precision, judged, read_marks
+from evertwin.features.images.detector import DATA, Detection, Detector
+from evertwin.features.images.labelled import NOTHING
+from evertwin.features.images.marks import EDGES, Mark, average_precision, judged, read_marks
 from evertwin.report.image_picture import Sheet
 from evertwin.sources.images import BagImage, Images, images_of
 from evertwin.sources.recording import open_recording

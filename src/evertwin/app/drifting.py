@@ -13,8 +13,8 @@ import typer
 
 from evertwin.app.console import show
 from evertwin.errors import DataError, UsageError
-from evertwin.features.confusion_drift import ConfusionDrift
-from evertwin.features.labelled import numbers_of, read_alone, with_others
+from evertwin.features.images.confusion_drift import ConfusionDrift
+from evertwin.features.images.labelled import numbers_of, read_alone, with_others
 from evertwin.fold import Chunk, Event, plain
 from evertwin.sources.small_table import Table, parse, read_table
 

@@ -11,14 +11,14 @@ import numpy as np
 from evertwin.app.console import Alive, show
 from evertwin.app.mapping import Topics, only_lidar
 from evertwin.errors import DataError, UsageError
-from evertwin.features.cost_map import Inflation, freed, inflated
-from evertwin.features.legs import View
-from evertwin.features.mapping import mapped
-from evertwin.features.occupancy import of_keyframes, save
-from evertwin.features.poses import Fix
-from evertwin.features.rectangles import corners
-from evertwin.features.segments import surface_of
-from evertwin.features.tables import Happened, Room, Table, furnished
+from evertwin.features.maps.cost_map import Inflation, freed, inflated
+from evertwin.features.maps.mapping import mapped
+from evertwin.features.maps.occupancy import of_keyframes, save
+from evertwin.features.maps.segments import surface_of
+from evertwin.features.scans.poses import Fix
+from evertwin.features.tables.legs import View
+from evertwin.features.tables.rectangles import corners
+from evertwin.features.tables.tables import Happened, Room, Table, furnished
 from evertwin.models.table_bodies import Plate, bodies
 from evertwin.report.table_picture import draw_tables
 from evertwin.signals import unwrapped

@@ -11,13 +11,13 @@ import numpy as np
 
 from evertwin.app.console import Alive, show
 from evertwin.errors import DataError, UsageError
-from evertwin.features.mapping import Fused, Mapped, mapped
-from evertwin.features.occupancy import of_keyframes, read, save
-from evertwin.features.poses import Fix, Poses
-from evertwin.features.relocalisation import View, located
-from evertwin.features.segments import surface_of
-from evertwin.features.slips import Slip, slips
-from evertwin.features.trajectory_error import TrajectoryError, trajectory_error
+from evertwin.features.maps.mapping import Fused, Mapped, mapped
+from evertwin.features.maps.occupancy import of_keyframes, read, save
+from evertwin.features.maps.relocalisation import View, located
+from evertwin.features.maps.segments import surface_of
+from evertwin.features.maps.trajectory_error import TrajectoryError, trajectory_error
+from evertwin.features.scans.poses import Fix, Poses
+from evertwin.features.scans.slips import Slip, slips
 from evertwin.report.map_picture import draw_map
 from evertwin.signals import unwrapped
 from evertwin.signals.planar import wrapped

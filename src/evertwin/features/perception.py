@@ -26,14 +26,14 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.errors import DataError
-from evertwin.features.furniture import FURNISHED, UNKNOWN, Furnishing, Furniture
-from evertwin.features.legs import View
 from evertwin.features.placed import Said
-from evertwin.features.poses import Fix, Poses
-from evertwin.features.range_unit import LONGEST, doubted, middle
-from evertwin.features.repeats import Repeats
-from evertwin.features.scan_matcher import FEW, STANDING, Following, ScanMatcher
-from evertwin.features.words import NEVER, Words
+from evertwin.features.scans.poses import Fix, Poses
+from evertwin.features.scans.range_unit import LONGEST, doubted, middle
+from evertwin.features.scans.repeats import Repeats
+from evertwin.features.scans.scan_matcher import FEW, STANDING, Following, ScanMatcher
+from evertwin.features.scans.words import NEVER, Words
+from evertwin.features.tables.furniture import FURNISHED, UNKNOWN, Furnishing, Furniture
+from evertwin.features.tables.legs import View
 from evertwin.fold import Chunk, Out, make_block
 from evertwin.signals.planar import compose, wrapped
 from evertwin.sources.scans import Lidar

@@ -28,9 +28,9 @@ import numpy as np
 
 from evertwin.engine import Engine, InProcess
 from evertwin.errors import DataError
-from evertwin.features.confusion_drift import DRIFTED
-from evertwin.features.furniture import FURNISHED
+from evertwin.features.images.confusion_drift import DRIFTED
 from evertwin.features.perception import CAUSES
+from evertwin.features.tables.furniture import FURNISHED
 from evertwin.fold import Block, Chunk, Event
 from evertwin.ledger.begun import Begun
 from evertwin.ledger.ledger import Ledger

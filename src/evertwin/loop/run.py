@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 from evertwin.config import TwinSpec
 from evertwin.engine import Engine, InProcess
 from evertwin.errors import DataError, ModelError, StoreError, UsageError
-from evertwin.features.confusion_drift import DRIFTED
+from evertwin.features.images.confusion_drift import DRIFTED
 from evertwin.features.perception import PERCEIVED
 from evertwin.fold import Answer, Block, Event, Record, canonical, copy
 from evertwin.ledger.begun import Begun

@@ -21,8 +21,8 @@ from pathlib import Path
 import numpy as np
 
 from evertwin.errors import DataError
-from evertwin.features.cost_map import UNSEEN, read_costs
-from evertwin.features.occupancy import OCCUPIED, UNKNOWN, Occupancy, read
+from evertwin.features.maps.cost_map import UNSEEN, read_costs
+from evertwin.features.maps.occupancy import OCCUPIED, UNKNOWN, Occupancy, read
 from evertwin.publishers.ros_content import Content, header, pose
 from evertwin.sources.small_table import read_table
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from evertwin.features.occupancy import Occupancy
-from evertwin.features.poses import Fix, Poses
+from evertwin.features.maps.occupancy import Occupancy
+from evertwin.features.scans.poses import Fix, Poses
 
 WAY, LOST, START = "#0072B2", "#D55E00", "#009E73"
 

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from evertwin.features.cost_map import UNSEEN
-from evertwin.features.occupancy import OCCUPIED, Occupancy
-from evertwin.features.rectangles import corners
-from evertwin.features.tables import Happened, Table
+from evertwin.features.maps.cost_map import UNSEEN
+from evertwin.features.maps.occupancy import OCCUPIED, Occupancy
+from evertwin.features.tables.rectangles import corners
+from evertwin.features.tables.tables import Happened, Table
 from evertwin.types import Float64
 
 BOX, WAS, WAY = "#0072B2", "#D55E00", "#009E73"

@@ -26,7 +26,7 @@ import numpy as np
 
 from evertwin.config import TwinSpec
 from evertwin.errors import ConfigError
-from evertwin.features.confusion_drift import ConfusionDrift, DriftState
+from evertwin.features.images.confusion_drift import ConfusionDrift, DriftState
 from evertwin.features.perception import PerceptionState
 from evertwin.fold import Block, Chunk, Event, concatenate
 from evertwin.models import Model, remembers

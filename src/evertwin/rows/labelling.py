@@ -19,8 +19,8 @@ import numpy as np
 
 from evertwin.config import TwinSpec, place
 from evertwin.errors import ConfigError, DataError, naming
-from evertwin.features.confusion_drift import ConfusionDrift
-from evertwin.features.labelled import Labelled, read_alone
+from evertwin.features.images.confusion_drift import ConfusionDrift
+from evertwin.features.images.labelled import Labelled, read_alone
 from evertwin.settings.notes import expand
 
 

@@ -1,7 +1,7 @@
 """A scan onto a map: from where it is expected, or by looking at every pose around.
 
 >>> angles = np.radians(np.arange(-90, 91, 2.0))
->>> from evertwin.features.local_map import seen
+>>> from evertwin.features.scans.local_map import seen
 >>> walls = seen(2 / np.maximum(np.abs(np.cos(angles)), np.abs(np.sin(angles))), angles, (0, 0, 0))
 >>> expected = Expected(np.array([0.02, 0.01, 0.01]), np.eye(3) * 0.01)
 >>> np.abs(fitted(walls, Known.of(walls), expected, expected.pose).pose).max() < 0.002
@@ -16,10 +16,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evertwin.features.correlation import BLOCK, CELL, Bounds, Drawing, blocks
-from evertwin.features.fusion import Sighting
-from evertwin.features.local_map import Known, Surface
-from evertwin.features.registration import NARROW, firmness, likelihood, register
+from evertwin.features.scans.correlation import BLOCK, CELL, Bounds, Drawing, blocks
+from evertwin.features.scans.fusion import Sighting
+from evertwin.features.scans.local_map import Known, Surface
+from evertwin.features.scans.registration import NARROW, firmness, likelihood, register
 from evertwin.signals.planar import wrapped
 from evertwin.types import Float64, Vector
 
@@ -99,7 +99,7 @@ class Expected(NamedTuple):
     window: tuple[Pose, float, float] | None = None
     """Where it may be, whatever was expected: middle, half the width [m], half the turn [rad]."""
     places: Float64[np.ndarray, "k 3"] | None = None
-    """Where it is expected as well; see `evertwin.features.habits`."""
+    """Where it is expected as well; see `evertwin.features.scans.habits`."""
     weights: Vector | None = None
     """How much each of them counts."""
     shared: float = 0.0

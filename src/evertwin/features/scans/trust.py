@@ -1,6 +1,6 @@
 """A gyro that is turned round, wheels that stand, a lidar that repeats itself: named, and left out.
 
-Which of the three it is tells `evertwin.features.voting`, so all three must be there.
+Which of the three it is tells `evertwin.features.scans.voting`, so all three must be there.
 """
 
 from __future__ import annotations
@@ -10,10 +10,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from evertwin.features.motion import summed, turned_at
-from evertwin.features.poses import Fix, Poses
-from evertwin.features.surface import noise
-from evertwin.features.voting import FEW, TELLS, apart, outvoted, steady, turned
+from evertwin.features.scans.motion import summed, turned_at
+from evertwin.features.scans.poses import Fix, Poses
+from evertwin.features.scans.surface import noise
+from evertwin.features.scans.voting import FEW, TELLS, apart, outvoted, steady, turned
 from evertwin.sources.scans import Scans, Track
 from evertwin.types import Float64, Stamps, Vector
 

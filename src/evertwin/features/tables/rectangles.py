@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import chdtri
 
-from evertwin.features.legs import Legs
+from evertwin.features.tables.legs import Legs
 from evertwin.types import Float64
 
 SHORTEST, LONGEST = 0.45, 2.6

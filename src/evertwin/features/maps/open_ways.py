@@ -7,8 +7,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from evertwin.features.pose_graph import Edge, turned
-from evertwin.features.poses import Fix, Poses
+from evertwin.features.maps.pose_graph import Edge, turned
+from evertwin.features.scans.poses import Fix, Poses
 from evertwin.signals.planar import between, compose
 from evertwin.types import Float64
 

@@ -16,8 +16,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evertwin.features.scan_matcher import STANDING
-from evertwin.features.words import NEVER
+from evertwin.features.scans.scan_matcher import STANDING
+from evertwin.features.scans.words import NEVER
 from evertwin.types import Int64, Vector
 
 DRIVES = 1e-3

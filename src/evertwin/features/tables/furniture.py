@@ -1,10 +1,10 @@
 """Tables while scans come: those of a room at each moment, in places of fixed number.
 
-What `evertwin.features.tables` makes of a whole recording is kept here in arrays of limited length,
-scan by scan: legs, the views of late that tell whether beams went through, tables. A model has a
-place for so many tables (`evertwin.models.table_bodies`): each is in one for as long as it stands
-somewhere, moved or not, and what a place holds changes only where a table came, went, or is told
-to stand elsewhere by more than `CLOSER`.
+What `evertwin.features.tables.tables` makes of a whole recording is kept here in arrays of limited
+length, scan by scan: legs, the views of late that tell whether beams went through, tables. A model
+has a place for so many tables (`evertwin.models.table_bodies`): each is in one for as long as it
+stands somewhere, moved or not, and what a place holds changes only where a table came, went, or is
+told to stand elsewhere by more than `CLOSER`.
 
 >>> lidar = Lidar(0.0, 0.1, 9.0)
 >>> room = Furnishing(lidar, 2)
@@ -21,10 +21,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from evertwin.features.legs import Legs, View
-from evertwin.features.rectangles import Rectangle, corners
-from evertwin.features.tables import Happened, Room, Shape, Table, seen
-from evertwin.features.words import NEVER
+from evertwin.features.scans.words import NEVER
+from evertwin.features.tables.legs import Legs, View
+from evertwin.features.tables.rectangles import Rectangle, corners
+from evertwin.features.tables.tables import Happened, Room, Shape, Table, seen
 from evertwin.models.table_bodies import UNITS
 from evertwin.sources.scans import Lidar
 from evertwin.types import Float64, Int64, Stamps

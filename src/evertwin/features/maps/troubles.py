@@ -15,7 +15,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from evertwin.features.scan_matcher import BLOCKED, MOST_NEAR, STANDING
+from evertwin.features.scans.scan_matcher import BLOCKED, MOST_NEAR, STANDING
 from evertwin.signals.planar import between, wrapped
 from evertwin.sources.scans import Scans
 from evertwin.sources.straight_walls import beam_step

@@ -17,8 +17,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evertwin.features.legs import SURE, Legs, View, followed_legs, gone_through
-from evertwin.features.rectangles import Rectangle, apart, candidates, corners, explained
+from evertwin.features.tables.legs import SURE, Legs, View, followed_legs, gone_through
+from evertwin.features.tables.rectangles import Rectangle, apart, candidates, corners, explained
 from evertwin.types import Float64
 
 EVERY = 500_000_000

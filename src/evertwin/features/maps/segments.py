@@ -13,15 +13,29 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evertwin.features.fusion import LIMIT
-from evertwin.features.local_map import Surface, seen
-from evertwin.features.loop_closure import DRIFT, TWIST, loops
-from evertwin.features.occupancy import of_keyframes
-from evertwin.features.open_ways import steps_between
-from evertwin.features.pose_graph import Edge, Optimised, optimised, turned, variance_factor, weak
-from evertwin.features.poses import Fix, Poses
-from evertwin.features.relocalisation import Barriers, Charted, View, looked_for, stray, through
-from evertwin.features.scan_fit import COMMON
+from evertwin.features.maps.loop_closure import DRIFT, TWIST, loops
+from evertwin.features.maps.occupancy import of_keyframes
+from evertwin.features.maps.open_ways import steps_between
+from evertwin.features.maps.pose_graph import (
+    Edge,
+    Optimised,
+    optimised,
+    turned,
+    variance_factor,
+    weak,
+)
+from evertwin.features.maps.relocalisation import (
+    Barriers,
+    Charted,
+    View,
+    looked_for,
+    stray,
+    through,
+)
+from evertwin.features.scans.fusion import LIMIT
+from evertwin.features.scans.local_map import Surface, seen
+from evertwin.features.scans.poses import Fix, Poses
+from evertwin.features.scans.scan_fit import COMMON
 from evertwin.signals.planar import between, compose
 from evertwin.sources.scans import Scans
 from evertwin.types import Float64, Int64

@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy
 
-from evertwin.features.labelled import Labelled
+from evertwin.features.images.labelled import Labelled
 from evertwin.types import Bool, Bools, Float64, Int64, Json, Vector
 
 EXCHANGES = 9_999

@@ -12,10 +12,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from evertwin.features.local_map import KEYFRAMES, Known, Surface, placed
-from evertwin.features.pose_graph import Edge, turned
-from evertwin.features.registration import explained
-from evertwin.features.scan_fit import Expected, balanced, fitted, found_by_search
+from evertwin.features.maps.pose_graph import Edge, turned
+from evertwin.features.scans.local_map import KEYFRAMES, Known, Surface, placed
+from evertwin.features.scans.registration import explained
+from evertwin.features.scans.scan_fit import Expected, balanced, fitted, found_by_search
 from evertwin.signals.planar import between
 from evertwin.types import Float64
 

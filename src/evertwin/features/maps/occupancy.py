@@ -28,7 +28,7 @@ import numpy as np
 
 from evertwin.compiled.functions import njit
 from evertwin.errors import DataError
-from evertwin.features.local_map import Surface, placed
+from evertwin.features.scans.local_map import Surface, placed
 from evertwin.signals.planar import compose
 from evertwin.types import Float64, UInt8
 

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evertwin.features.spots import Spots, spots
+from evertwin.features.tables.spots import Spots, spots
 from evertwin.sources.scans import Lidar
 from evertwin.types import Bools, Float64, Int64, Vector
 

@@ -2,11 +2,11 @@
 
 The newest labels are compared with the known ones over windows of doubling length, each every half
 of its length: short ones tell a large change soon, long ones a small one. Each comparison is the
-exact or permutation test of `evertwin.features.confusions`, over all cells at once. Of windows of
-``w`` labels there are ``2 / w`` a label; each is tested at the level ``w / (2 · per · windows)``,
-so that of labels that do not drift at most one in ``per`` raises an event on average, however long
-they go on and however the looks depend on each other (expectations add up). Lengths whose level
-lies below what exchanges can tell are left out.
+exact or permutation test of `evertwin.features.images.confusions`, over all cells at once. Of
+windows of ``w`` labels there are ``2 / w`` a label; each is tested at the level ``w / (2 · per ·
+windows)``, so that of labels that do not drift at most one in ``per`` raises an event on average,
+however long they go on and however the looks depend on each other (expectations add up). Lengths
+whose level lies below what exchanges can tell are left out.
 
 A cell is told once, and again only after it was back: labels from behind that moment, over twice
 the window, whose 95 % interval lies nearer to the known rate than to that of the drift.
@@ -28,8 +28,8 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.errors import DataError, UsageError
-from evertwin.features.confusions import EXCHANGES, Cell, Rate, confusions
-from evertwin.features.labelled import Labelled
+from evertwin.features.images.confusions import EXCHANGES, Cell, Rate, confusions
+from evertwin.features.images.labelled import Labelled
 from evertwin.fold import Chunk, Event, Out
 from evertwin.types import Bool, Float64, Int64, Json
 

@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evertwin.features.fusion import Belief, Sighting, Step, measured, predicted
+from evertwin.features.scans.fusion import Belief, Sighting, Step, measured, predicted
 from evertwin.signals.planar import between
 from evertwin.types import Float64
 

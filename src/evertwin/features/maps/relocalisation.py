@@ -15,11 +15,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from evertwin.features.correlation import BLOCK, BLUR, CELL, Bounds, Drawing, blocks
-from evertwin.features.local_map import Known, Surface, placed
-from evertwin.features.occupancy import FREE, OCCUPIED, Occupancy
-from evertwin.features.scan_fit import Expected, Fit, balanced, fitted
-from evertwin.features.scan_matcher import FEW
+from evertwin.features.maps.occupancy import FREE, OCCUPIED, Occupancy
+from evertwin.features.scans.correlation import BLOCK, BLUR, CELL, Bounds, Drawing, blocks
+from evertwin.features.scans.local_map import Known, Surface, placed
+from evertwin.features.scans.scan_fit import Expected, Fit, balanced, fitted
+from evertwin.features.scans.scan_matcher import FEW
 from evertwin.signals.planar import compose
 from evertwin.types import Bool, Float64, Int64, UInt8
 

@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evertwin.features.registration import BUCKETS, binned
-from evertwin.features.surface import surface
+from evertwin.features.scans.registration import BUCKETS, binned
+from evertwin.features.scans.surface import surface
 from evertwin.types import Float64, Int64, Vector
 
 KEYFRAMES = 20
@@ -42,7 +42,7 @@ class LocalMap(NamedTuple):
 
 
 class Known(NamedTuple):
-    """Points of a map, in bins; see `evertwin.features.registration.binned`.
+    """Points of a map, in bins; see `evertwin.features.scans.registration.binned`.
 
     >>> Known.of(np.zeros((0, 4))).heads[-1]
     np.int64(0)

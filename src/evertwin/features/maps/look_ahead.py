@@ -13,11 +13,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evertwin.features.came import Came
-from evertwin.features.local_map import Known, known
-from evertwin.features.poses import Row
-from evertwin.features.scan_fit import ranked
-from evertwin.features.scan_matcher import Following, ScanMatcher
+from evertwin.features.scans.came import Came
+from evertwin.features.scans.local_map import Known, known
+from evertwin.features.scans.poses import Row
+from evertwin.features.scans.scan_fit import ranked
+from evertwin.features.scans.scan_matcher import Following, ScanMatcher
 from evertwin.fold import Block
 from evertwin.signals.planar import between
 from evertwin.types import Vector

@@ -19,8 +19,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy import stats
 
-from evertwin.features.confusions import Cell, design_effect, wilson
-from evertwin.features.labelled import Labelled
+from evertwin.features.images.confusions import Cell, design_effect, wilson
+from evertwin.features.images.labelled import Labelled
 from evertwin.types import Bools, Float64, Int64, Vector
 
 SHARE = 0.95

@@ -7,7 +7,7 @@ small to be told.
 
 A detection and a thing are one where their boxes overlap by half, those of one class first, then
 the closest; each is one of at most one. What is left is a miss or a false alarm, unless it lies
-where nothing is asked: `evertwin.features.labelled.NOTHING`.
+where nothing is asked: `evertwin.features.images.labelled.NOTHING`.
 
 >>> mark = Mark(0, "table", (0.0, 0.0, 10.0, 10.0))
 >>> seen = [Detection("box", 0.9, (0.0, 0.0, 9.0, 10.0)), Detection("box", 0.4, (20, 0, 30, 9))]
@@ -24,8 +24,8 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.errors import DataError
-from evertwin.features.detector import SAME, Corners, Detection, overlap
-from evertwin.features.labelled import NOTHING
+from evertwin.features.images.detector import SAME, Corners, Detection, overlap
+from evertwin.features.images.labelled import NOTHING
 from evertwin.sources.small_table import ABSENT, read_table
 
 EDGES = ("left", "upper", "right", "lower")

@@ -15,18 +15,11 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.errors import DataError
-from evertwin.features.fusion import Belief, Sighting
-from evertwin.features.local_map import Surface
-from evertwin.features.look_ahead import read_on
-from evertwin.features.motion import motion_at, silence, turned_at
-from evertwin.features.open_ways import evened
-from evertwin.features.pose_graph import at_origin
-from evertwin.features.poses import Fix, Poses, table
-from evertwin.features.scan_fit import COMMON
-from evertwin.features.scan_matcher import ScanMatcher
-from evertwin.features.segments import Solved, joined, keyframes, origin_of
-from evertwin.features.stream import Stream, Turned
-from evertwin.features.troubles import (
+from evertwin.features.maps.look_ahead import read_on
+from evertwin.features.maps.open_ways import evened
+from evertwin.features.maps.pose_graph import at_origin
+from evertwin.features.maps.segments import Solved, joined, keyframes, origin_of
+from evertwin.features.maps.troubles import (
     ASKEW,
     askew,
     lever,
@@ -38,7 +31,14 @@ from evertwin.features.troubles import (
     without_body,
     without_cover,
 )
-from evertwin.features.trust import doubtful, trusted, without_repeats
+from evertwin.features.scans.fusion import Belief, Sighting
+from evertwin.features.scans.local_map import Surface
+from evertwin.features.scans.motion import motion_at, silence, turned_at
+from evertwin.features.scans.poses import Fix, Poses, table
+from evertwin.features.scans.scan_fit import COMMON
+from evertwin.features.scans.scan_matcher import ScanMatcher
+from evertwin.features.scans.stream import Stream, Turned
+from evertwin.features.scans.trust import doubtful, trusted, without_repeats
 from evertwin.fold import join, make_block, take
 from evertwin.signals.planar import between, compose
 from evertwin.sources.scans import Lidar, Scans
@@ -108,7 +108,7 @@ def followed(scans: Scans, use_odometry: bool = True, look_ahead: bool = False) 
     """The poses of a recording, scan by scan.
 
     As a stream tells them, without looking back; or with ``look_ahead``: what one scan leaves open
-    is decided by those that follow, see `evertwin.features.look_ahead`.
+    is decided by those that follow, see `evertwin.features.maps.look_ahead`.
     """
     n, beams = scans.ranges.shape
     moved = motion_at(scans) if use_odometry else np.zeros((n, 0))

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from evertwin.features.local_map import Surface, placed
+from evertwin.features.scans.local_map import Surface, placed
 from evertwin.types import Float64, Vector
 
 BEHIND = 0.25

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evertwin.features.fusion import Sighting
+from evertwin.features.scans.fusion import Sighting
 from evertwin.types import Float64, Int64, Stamps, UInt8
 
 

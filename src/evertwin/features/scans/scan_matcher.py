@@ -37,25 +37,25 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evertwin.features.came import Came, Motion
-from evertwin.features.contradiction import contradicted
-from evertwin.features.fusion import Belief, Sighting, Step, measured, predicted
-from evertwin.features.habits import Habits
-from evertwin.features.local_map import Known, LocalMap, Surface, copied, empty, joined, known, seen
-from evertwin.features.poses import Fix, Row, table
-from evertwin.features.registration import NARROW, UNSEEN
-from evertwin.features.scan_fit import (
-    ALIKE,
-    COMMON,
-    SOME,
-    UNUSUAL,
-    WIDEST,
-    WINDOW,
-    Expected,
-    Fit,
-    best,
+from evertwin.features.scans import scan_fit
+from evertwin.features.scans.came import Came, Motion
+from evertwin.features.scans.contradiction import contradicted
+from evertwin.features.scans.fusion import Belief, Sighting, Step, measured, predicted
+from evertwin.features.scans.habits import Habits
+from evertwin.features.scans.local_map import (
+    Known,
+    LocalMap,
+    Surface,
+    copied,
+    empty,
+    joined,
+    known,
+    seen,
 )
-from evertwin.features.scan_pace import ScanPace
+from evertwin.features.scans.poses import Fix, Row, table
+from evertwin.features.scans.registration import NARROW, UNSEEN
+from evertwin.features.scans.scan_fit import Expected, Fit
+from evertwin.features.scans.scan_pace import ScanPace
 from evertwin.fold import Block, Out
 from evertwin.signals.planar import between, compose
 from evertwin.sources.scans import Lidar
@@ -230,7 +230,7 @@ class ScanMatcher:
             fits = []
         here, good = [], []
         for one in fits:
-            usual = blind and expected.square(one.pose) < UNUSUAL
+            usual = blind and expected.square(one.pose) < scan_fit.UNUSUAL
             way = float(np.hypot(*(one.pose - state.belief.pose)[:2])) if gone else 0.0
             away = bool(state.lost) or way > FARTHER * state.habits.reach[0]
             astray = away and not (gone <= BRIEFLY and usual)
@@ -259,7 +259,7 @@ class ScanMatcher:
             through = len(here) < len(fits)
             state = state._replace(carried=state.carried or (through and not blind))
             carried = blind or through
-            worth = math.log(UNSEEN) * SOME / ALIKE if telling else 0.0
+            worth = math.log(UNSEEN) * scan_fit.SOME / scan_fit.ALIKE if telling else 0.0
             yield *self._unmatched(state, scan if telling else None, ahead, carried, share), worth
 
     def _denied(
@@ -271,7 +271,7 @@ class ScanMatcher:
         ahead, expected = _expected(state, gyro, True, dt, state.lost)
         expected = expected._replace(shared=max(state.often, state.since) - 1)
         fits = [one for one in fit(scan, view, expected, SURE) if one.share >= FAMILIAR]
-        usual = [one for one in fits if expected.square(one.pose) < UNUSUAL]
+        usual = [one for one in fits if expected.square(one.pose) < scan_fit.UNUSUAL]
         return [one for one in usual if not self._elsewhere(one, ranges, view, True)], ahead
 
     def _unmatched(
@@ -310,7 +310,7 @@ class ScanMatcher:
             map=joined(state.map, scan, pose), lost=0, pace=state.pace.found, open=0, carried=False,
             belief=state.belief.moved(state.belief.t, pose, np.zeros((3, 3))),
         )  # fmt: skip
-        row = Row(pose.copy(), COMMON.copy(), Fix.MATCHED, 1.0, state.segment)
+        row = Row(pose.copy(), scan_fit.COMMON.copy(), Fix.MATCHED, 1.0, state.segment)
         return state, row._replace(sighting=Sighting(pose, known))
 
     def _matched(
@@ -320,7 +320,7 @@ class ScanMatcher:
         if blind:
             ahead = ahead.moved(ahead.t, ahead.pose, ahead.covariance[:3, :3] + fit.others)
         found = measured(ahead, fit.sighting, 0.0 if blind else way)
-        pose, spread = found.belief.pose, found.belief.covariance[:3, :3] + COMMON
+        pose, spread = found.belief.pose, found.belief.covariance[:3, :3] + scan_fit.COMMON
         d = between(state.map.newest, pose)
         moved = math.hypot(d[0], d[1]) > APART or abs(d[2]) > TURNED
         ring = state.map
@@ -350,14 +350,14 @@ class ScanMatcher:
                 row = row._replace(sighting=Sighting(pose.copy(), np.linalg.inv(spread)))
             return state, row
         if blind and state.open > PATIENCE:
-            about = np.linalg.inv(state.open * last[:3, :3] + COMMON)  # errs the same each time
+            about = np.linalg.inv(state.open * last[:3, :3] + scan_fit.COMMON)  # errs alike
             state = state._replace(map=empty(self.beams), segment=state.segment + 1)
             return self._begun(state, scan, True, about)
         return state._replace(open=0), row
 
 
 def _decided(scan: Surface, view: Known, expected: Expected, sure: float) -> list[Fit]:
-    return [best(scan, view, expected, sure)]
+    return [scan_fit.best(scan, view, expected, sure)]
 
 
 def _off(covariance: np.ndarray, limit: float) -> bool:
@@ -386,9 +386,9 @@ def _expected(
         spread = at.covariance[:3, :3] + np.diag((sigma * (1 + gone)) ** 2)
         places = compose(np.broadcast_to(at.pose, steps.shape), steps)
         far, turn = state.habits.reach
-        half = FARTHER * (1 + gone) * far + WINDOW * way
-        widest = WIDEST * (1 + far) if gone == state.lost else FARTHEST
-        turn = max(FARTHER * (1 + gone) * turn, WINDOW * sigma[2], ABOUT)
+        half = FARTHER * (1 + gone) * far + scan_fit.WINDOW * way
+        widest = scan_fit.WIDEST * (1 + far) if gone == state.lost else FARTHEST
+        turn = max(FARTHER * (1 + gone) * turn, scan_fit.WINDOW * sigma[2], ABOUT)
         window = at.pose, min(half, widest), min(turn, math.pi)
         likely = Expected(at.pose, spread, window, places, weights)
         likely = likely._replace(pose=places[likely.densities(places).sum(axis=1).argmax()])

@@ -23,7 +23,7 @@ import numpy as np
 from scipy import ndimage
 
 from evertwin.errors import DataError
-from evertwin.features.occupancy import FREE, OCCUPIED, UNKNOWN, Occupancy, grey_of
+from evertwin.features.maps.occupancy import FREE, OCCUPIED, UNKNOWN, Occupancy, grey_of
 from evertwin.types import Float64
 
 LETHAL, INSCRIBED, DEAREST, UNSEEN = 100, 99, 98, 255

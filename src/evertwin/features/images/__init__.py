@@ -1,0 +1,1 @@
+"""What a detector sees in images, and what it takes for what."""

@@ -1,0 +1,1 @@
+"""Maps and poses of whole recordings of scans."""

@@ -1,0 +1,1 @@
+"""Poses from scans while they come, with what wheels and gyro say."""
