@@ -149,10 +149,7 @@ async def _one(
     dates = await _dates(settings, columns, around, seconds)
     columns = {name: unit for name, unit in columns.items() if name != dates}
     source = _opened(settings, columns, around, dates)
-    chunks = await _some(source, MOST, seconds)
-    if sum(len(one.t) for one in chunks) < 2:
-        why = source.health.reason or "no samples"
-        raise UsageError(f"source {settings.source!r}: {why}, within {seconds:g} s")
+    chunks = await _some(source, MOST, seconds, least=2)
     scales = [conversion(unit or "1") for unit in columns.values()]
     factor, offset = (np.array(side) for side in zip(*scales, strict=True))
     rows = (np.concatenate([one.v for one in chunks]) - offset) / factor
@@ -175,16 +172,20 @@ def _opened(
     return source
 
 
-async def _some(source: LiveSource, most: int, seconds: float) -> list[Chunk]:
+async def _some(source: LiveSource, most: int, seconds: float, least: int) -> list[Chunk]:
     """Samples of an open source.
 
     Raises:
-        UsageError: nobody is there.
+        UsageError: nobody is there, or there are fewer than ``least``.
     """
     try:
-        return await some(source, most, seconds)
+        chunks = await some(source, most, seconds)
     except (LineDown, OSError, TimeoutError) as error:
         raise UsageError(f"source {source.name!r}: down: {reason_of(error)}") from None
+    if sum(len(one.t) for one in chunks) < least:
+        why = source.health.reason or "no samples"
+        raise UsageError(f"source {source.name!r}: {why}, within {seconds:g} s")
+    return chunks
 
 
 async def _dates(
@@ -196,11 +197,11 @@ async def _dates(
     if len({part.topic or settings.topic for part in settings.columns.values()}) > 1:
         return ""  # they have no stamp in common
     heard = _opened(settings, columns, around)
-    await _some(heard, 1, seconds)
+    await _some(heard, 1, seconds, least=1)
     for column in columns:
         if f"{column}: not a number" in heard.health.noted:
             others = {name: unit for name, unit in columns.items() if name != column}
-            if await _some(_opened(settings, others, around, column), 1, seconds):
+            if await _some(_opened(settings, others, around, column), 1, seconds, least=0):
                 return column
     return ""
 
