@@ -42,7 +42,7 @@ CLOCK = "t [s]"
 class Table(NamedTuple):
     """What a source said.
 
-    >>> Table(["x"], np.zeros(1, np.int64), np.zeros((1, 1))).dates
+    >>> Table(["x"], np.zeros(1, np.int64), np.zeros((1, 1))).clock
     ''
     """
 
@@ -50,8 +50,9 @@ class Table(NamedTuple):
     t: np.ndarray
     """Stamps [ns]."""
     rows: np.ndarray
-    dates: str = ""
-    """Column in which the machine itself says the stamps, as dates; empty: it does not."""
+    clock: str = ""
+    """Column of stamps that are the machine's own: its dates, or `CLOCK` where the protocol brings
+    them; empty: they are of arrival."""
 
 
 def first_without_file(site: Path, force: bool) -> Plan:
@@ -156,7 +157,8 @@ async def _one(
     headings = [f"{name} [{unit}]" if unit else name for name, unit in columns.items()]
     t = np.concatenate([one.t for one in chunks])
     order = np.argsort(t, kind="stable")
-    return Table(headings, t[order], rows[order], dates)
+    by_protocol = isinstance(settings, OpcuaSettings) and not {"t", CLOCK} & {*columns}
+    return Table(headings, t[order], rows[order], dates or CLOCK * by_protocol)
 
 
 def _opened(
@@ -207,22 +209,23 @@ async def _dates(
 
 
 def _written(file: Path, table: Table) -> bool:
-    """Writes a recording; with `CLOCK`, and True, where no column tells the time."""
+    """Writes a recording; True: no column tells the time, nor does the machine, and it has that of
+    arrival."""
     said = np.isfinite(table.rows).any(axis=0)  # other text than dates is left out
     names = [name for name, one in zip(table.names, said, strict=True) if one]
     t, rows = table.t, table.rows[:, said]
-    if table.dates:
-        days = np.datetime_as_string(t.astype("datetime64[ns]"))
-        _write(file, [table.dates, *names], rows, [f"{one}Z" for one in days.tolist()])
-        return False
-    fresh = np.r_[True, (rows[1:] != rows[:-1]).any(axis=1)]  # read twice in one of its cycles
-    _write(file, names, rows[fresh])
-    (seen, *_), _ = look([file])
-    if seen.table.time is not None:
-        return False
+    if not table.clock:
+        fresh = np.r_[True, (rows[1:] != rows[:-1]).any(axis=1)]  # read twice in one of its cycles
+        _write(file, names, rows[fresh])
+        (seen, *_), _ = look([file])
+        if seen.table.time is not None:
+            return False
     stamps = [f"{one // 10**9}.{one % 10**9:09d}" for one in t.tolist()]
-    _write(file, [CLOCK, *names], rows, stamps)
-    return True
+    if table.clock not in ("", CLOCK):
+        days = np.datetime_as_string(t.astype("datetime64[ns]"))
+        stamps = [f"{one}Z" for one in days.tolist()]
+    _write(file, [table.clock or CLOCK, *names], rows, stamps)
+    return not table.clock
 
 
 def _write(file: Path, names: Sequence[str], rows: np.ndarray, stamps: Sequence[str] = ()) -> None:
