@@ -209,7 +209,7 @@ def found(name: str, folder: Path, store: Path) -> tuple[dict[str, bool], str]:
     lived, again = end_of(store), end_of(copy)
     if lived != again:
         print(f"{name}: lived {lived.row} rows, {lived.length} entries of the log; folded again "
-              f"{again.row}, {again.length}; other state {lived.layout != again.layout}")  # fmt: skip
+              f"{again.row}, {again.length}; other: {lived.layout != again.layout}")  # fmt: skip
     demands = {
         f"{name}: no sample twice": not any(repeated.values()),
         f"{name}: no record twice": doubled == 0, f"{name}: one champion": wrong == 0,

@@ -42,8 +42,8 @@ from evertwin.fold import Chunk, Event, Out
 from evertwin.fold.block import LARGEST
 from evertwin.signals import Layout
 from evertwin.sync import align_loop as loop
-from evertwin.sync import on_row_loop as on_row
 from evertwin.sync import lost_loop, pace_loop
+from evertwin.sync import on_row_loop as on_row
 from evertwin.sync.align_state import AlignNotes, AlignSettings, AlignState, Rows
 from evertwin.sync.horizon import nanoseconds
 from evertwin.sync.horizon_loop import NEVER
@@ -296,7 +296,9 @@ class Align:
         state.sources[0, on_row.HEAD] = (state.sources[0, on_row.HEAD] + n) % self.depth
         state.known_t[:], state.known_v[:] = t[-1], values[-1]
         for k in np.flatnonzero(self._fixed.channels[:, on_row.LOSES]).tolist():
-            given_all(state.habits, chunk.v, k, int(self._fixed.channels[k, on_row.COLUMN]))
+            lost_loop.given_all(
+                state.habits, chunk.v, k, int(self._fixed.channels[k, on_row.COLUMN])
+            )
         tasks, gap = np.full(n, chunk.task, dtype=np.int64), steps > self._fixed.gap
         state.pace[pace_loop.TAKEN] = t[-1]
         return Rows(

@@ -321,7 +321,6 @@ def test_a_broker_that_does_not_know_mqtt_5_is_named(*, answers: bool) -> None:
         listen(source, lambda _: "version = 3" in source.health.reason)
 
 
-
 @pytest.mark.system
 def test_hostile_and_retained_messages_are_counted_and_forgotten(tmp_path: Path) -> None:
     bad = [b"{", b"\xff\xfe", b"[" * 100_000, b"9" * 6000, b"{}", b'{"t": "x", "pose": {"x": 1}}',
