@@ -139,10 +139,10 @@ def main(rounds: int = 1, seed: int = 1, speed: float = 4.0) -> int:
             running.enter_context(one).reached()
         took = [{"start": hall.again()}]
         took += [befallen(hall, broker, line, disk) for _ in range(rounds)]
-        machines[1].__exit__()
+        for one in machines:
+            one.__exit__()
         drained(hall.served, (store / "token").read_text().strip())
         hall.served.end()
-        machines[0].__exit__()
         every = [seconds for one in took for seconds in one.values()]
         demands = {"each fault is over by itself": max(every) < 120.0}
         for one in took:

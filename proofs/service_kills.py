@@ -157,16 +157,17 @@ def lives(site: Path, kills: int, minutes: float, rng: np.random.Generator) -> I
 
 
 def drained(served: Served, token: str) -> None:
-    """Waits until the broker has nothing more and all of it is folded: only then is what lacks at
-    the end lost, and not just on its way."""
+    """Waits until the broker has nothing more and all that came is folded, by both twins: only then
+    is what lacks at the end lost, and what a replay folds all that was lived."""
     calm, before = 0, -1
     while calm < 4:
         time.sleep(5.0)
         status = served.ask("/api/v1/status", token=token)[1]
-        robot = status["twins"][1]
-        count = sum(one["received"] for one in robot["sources"].values())
-        still = status["ready"] and count == before and not robot["waiting"] and not robot["busy"]
-        up = all(one["state"] == "up" for one in robot["sources"].values())
+        twins, robot = status["twins"], status["twins"][1]["sources"].values()
+        count = sum(one["received"] for one in robot)
+        at_work = any(one["waiting"] or one["busy"] for one in twins)
+        still = status["ready"] and count == before and not at_work
+        up = all(one["state"] == "up" for one in robot)
         calm, before = (calm + 1 if still and up else 0), count
 
 
@@ -205,10 +206,14 @@ def found(name: str, folder: Path, store: Path) -> tuple[dict[str, bool], str]:
         entries, doubled, wrong = kept.verify(), twice(kept), champions(kept)
     copy = bare(store, folder / f"{name}-again.db")
     fold(folder / "twins" / f"{name}_live.toml", copy)
+    lived, again = end_of(store), end_of(copy)
+    if lived != again:
+        print(f"{name}: lived {lived.row} rows, {lived.length} entries of the log; folded again "
+              f"{again.row}, {again.length}; other: {lived.layout != again.layout}")  # fmt: skip
     demands = {
         f"{name}: no sample twice": not any(repeated.values()),
         f"{name}: no record twice": doubled == 0, f"{name}: one champion": wrong == 0,
-        f"{name}: replay": end_of(copy) == end_of(store),
+        f"{name}: replay": lived == again,
     }  # fmt: skip
     if name == "robot":
         demands["robot: no sample lost"] = not any(missing.values())
@@ -237,7 +242,8 @@ def main(
         for one in machines:
             running.enter_context(one).reached()
         lived = list(lives(site, kills, minutes, rng))
-        machines[1].__exit__()
+        for one in machines:  # what came while the service ends would be stored, and not folded
+            one.__exit__()
         with Served(site) as served:  # what the broker keeps comes
             token = (site.parent / "demo-store" / "token").read_text().strip()
             drained(served, token)

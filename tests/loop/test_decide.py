@@ -348,6 +348,21 @@ def test_a_change_too_new_to_be_fitted_is_asked_about_again(
     assert done.state.agenda.hold == 50 + (bench.setup.latency if again else bench.setup.holdoff)
 
 
+def test_that_a_number_is_not_determined_is_said_once_until_rows_do() -> None:
+    bench, state = Bench(), None
+    said = {"kind": "not_identifiable", "signal": "gain", "reason": "± 80 %", "evidence": {}}
+    found = []
+    for verdict in ("not", "not", "weak", "not", "not"):
+        fit = {"parameters": {"gain": {"verdict": verdict}}}
+        events = [said] if verdict == "not" else []
+        state = asked(bench) if state is None else state
+        state = state._replace(agenda=state.agenda._replace(open=1, due=50, stop=50, asked=1))
+        done = bench.beat(state, Answer(1, 0, {"events": events, "fit": fit}))
+        state = done.state
+        found.append(done.kinds)
+    assert found == [["not_identifiable"], [], [], ["not_identifiable"], []]
+
+
 def test_an_answer_may_ask_for_a_correction() -> None:
     bench = Bench()
     done = bench.beat(asked(bench), Answer(1, 0, {"events": [], "next": "correct"}))

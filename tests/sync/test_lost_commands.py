@@ -131,3 +131,21 @@ def test_rows_do_not_hang_on_how_samples_were_cut(cuts: int, rate: float | None)
     unknown = np.flatnonzero(np.isnan(u))
     assert unknown.tolist() == [*range(121, 136), 201]
     assert (mark[unknown] == Mark.ABSENT).all()
+
+
+@pytest.mark.parametrize("cut", [1, 7, 5000])
+def test_what_drops_out_all_the_time_is_told_ever_more_seldom(cut: int) -> None:
+    """Two values in a hundred are sentinels: of 100 losses 11 are told, of four tasks together."""
+    t, v = np.arange(5000) * 10**8, np.random.default_rng(0).normal(size=(5000, 2))
+    v[20::50, 0] = np.inf
+    align = Align(Channels.of(v="m/s"), Channels.of(x="m"), (Feed("log", ("v", "x")),))
+    state, told = align.init(), list[Any]()
+    for first in range(0, 5000, 1250):
+        for k in range(first, first + 1250, cut):
+            stop = min(k + cut, first + 1250)
+            state, out = align.step(state, Chunk("log", t[k:stop], v[k:stop], first // 1250))
+            told += out.records
+    told += align.flush(state)[1].records
+    lost = [event for event in told if event.kind == "unknown"]
+    assert [event.evidence["samples"] for event in lost] == [*range(1, 9), 16, 32, 64]
+    assert "times so far" not in lost[7].reason and lost[8].reason.endswith("; 16 times so far")

@@ -104,10 +104,13 @@ def _told(
         above = np.count_nonzero(new[:, k] > high[k]) >= np.count_nonzero(new[:, k] < low[k])
         extreme = np.nanmax if above else np.nanmin
         before = old[:, k] if rows.seen is None else np.append(old[:, k], rows.seen[int(above), k])
-        most, now = float(extreme(before)), float(extreme(new[:, k]))
+        most, now, often = float(extreme(before)), float(extreme(new[:, k])), "never"
+        if (most >= now) if above else (most <= now):  # on so few rows that they do not count
+            often, share = "hardly ever", 1.0 - RARE if above else RARE
+            most = float(np.nanquantile(old[:, k], share))
         bounds = (in_words.level(setup, channel, one) for one in (most, now))
-        told.append("{} was never {} {}, and is now at {}".format(
-            channel.name, "above" if above else "below", *bounds))  # fmt: skip
+        told.append("{} was {} {} {}, and is now at {}".format(
+            channel.name, often, "above" if above else "below", *bounds))  # fmt: skip
     return ", ".join(told)
 
 

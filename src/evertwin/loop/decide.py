@@ -283,7 +283,7 @@ class Decide:
         candidate = content.get("candidate")
         if candidate and agenda.phase == TRIAL and candidate.get("version") == on_trial:
             return  # that the machine is as it was has been said
-        for event in content.get("events", ()):
+        for event in decision.fresh(content):
             decision.say(event["kind"], event["signal"], event["reason"], event["evidence"])
         if content.get("refused"):
             names, *span = content["refused"]

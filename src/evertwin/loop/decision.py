@@ -9,6 +9,9 @@ from typing import Any
 from evertwin.fold import Event, Request
 from evertwin.setup.twin_state import TwinState
 
+UNDETERMINED = "not_identifiable"
+"""Kind of the event of a number that the rows do not determine."""
+
 
 @dataclass
 class Decision:
@@ -27,6 +30,19 @@ class Decision:
         self.events.append(
             Event(self.state.row, self.state.time, kind, signal, reason, dict(evidence))
         )
+
+    def fresh(self, content: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+        """The events of an answer, less those that were said before and are as they were: that the
+        rows do not determine a number is said again only after other rows did."""
+        told = set(filter(None, self.state.agenda.undetermined.split("\n")))
+        fitted = (content.get("fit") or {}).get("parameters", {})
+        known = told - {name for name, one in fitted.items() if one["verdict"] != "not"}
+        lacks = [one for one in content.get("events", ()) if one["kind"] == UNDETERMINED]
+        self.remember(undetermined="\n".join(sorted(known | {one["signal"] for one in lacks})))
+        return [
+            one for one in content.get("events", ())
+            if one["kind"] != UNDETERMINED or one["signal"] not in told
+        ]  # fmt: skip
 
     def remember(self, **changes: Any) -> None:
         """Changes what is remembered between beats."""

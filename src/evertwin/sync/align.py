@@ -42,12 +42,11 @@ from evertwin.fold import Chunk, Event, Out
 from evertwin.fold.block import LARGEST
 from evertwin.signals import Layout
 from evertwin.sync import align_loop as loop
+from evertwin.sync import lost_loop, pace_loop
 from evertwin.sync import on_row_loop as on_row
-from evertwin.sync import pace_loop
 from evertwin.sync.align_state import AlignNotes, AlignSettings, AlignState, Rows
 from evertwin.sync.horizon import nanoseconds
 from evertwin.sync.horizon_loop import NEVER
-from evertwin.sync.lost_loop import given_all
 from evertwin.types import Float64, Stamps
 
 NOTES = 64
@@ -174,7 +173,7 @@ class Align:
         sources[:, on_row.FRAMED] = [len(one.channels) if one.framed else -1 for one in self.feeds]
         waiting = np.zeros((ns, self.depth), dtype=np.int64), np.zeros((ns, self.depth, width))
         known = np.full(nc, NEVER), np.full(nc, np.nan), np.full(nc, NEVER)
-        habits = np.zeros((nc, 4), dtype=np.int64)
+        habits = np.zeros((nc, lost_loop.TIMES + 1), dtype=np.int64)
         pace = np.zeros(pace_loop.FIRST + pace_loop.KNOWN, dtype=np.int64)
         pace[pace_loop.TAKEN] = NEVER
         return AlignState(clock, sources, *waiting, *known, habits, pace)
@@ -297,7 +296,9 @@ class Align:
         state.sources[0, on_row.HEAD] = (state.sources[0, on_row.HEAD] + n) % self.depth
         state.known_t[:], state.known_v[:] = t[-1], values[-1]
         for k in np.flatnonzero(self._fixed.channels[:, on_row.LOSES]).tolist():
-            given_all(state.habits, chunk.v, k, int(self._fixed.channels[k, on_row.COLUMN]))
+            lost_loop.given_all(
+                state.habits, chunk.v, k, int(self._fixed.channels[k, on_row.COLUMN])
+            )
         tasks, gap = np.full(n, chunk.task, dtype=np.int64), steps > self._fixed.gap
         state.pace[pace_loop.TAKEN] = t[-1]
         return Rows(
@@ -316,6 +317,8 @@ class Align:
         evidence: dict[str, Any] = {"first": began, "last": last, "samples": number}
         if kind == loop.HOLE:
             evidence = {"first": first, "last": last, "seconds": (last - first) * 1e-9}
+        if kind == loop.LOST and number > lost_loop.SINGLY:
+            text += f"; {number} times so far"
         if kind in (loop.JUMPED, loop.SHIFTED):
             evidence = {"stamp": first, "followed_as": last, "shift": number}
         return Event(

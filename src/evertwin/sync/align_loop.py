@@ -14,7 +14,8 @@ from evertwin.compiled.functions import njit
 from evertwin.compiled.memory import borrowed
 from evertwin.fold.block import LARGEST
 from evertwin.sync.horizon_loop import NEVER
-from evertwin.sync.lost_loop import given, missing
+from evertwin.sync.lost_loop import TIMES, given, missing
+from evertwin.sync.lost_loop import is_told as is_loss_told
 from evertwin.sync.on_row_loop import (
     ABSENT,
     COLUMN,
@@ -212,9 +213,11 @@ def consume(channels: Any, state: Any, notes: Any, until: int) -> None:
                         continue
                     if np.isinf(value):
                         state.broken_t[k] = times[s, head]
-                    if loses and missing(habit, values[s, head], k):
+                    lost = missing(habit, values[s, head], k) if loses else 0
+                    if lost:
                         known_v[k] = np.nan
-                        tell(notes, clock, k, LOST, (times[s, head], times[s, head], 1))
+                        if is_loss_told(lost):
+                            tell(notes, clock, k, LOST, (times[s, head], times[s, head], lost))
             sources[s, HEAD] = (head + 1) % depth
             sources[s, COUNT] -= 1
 
@@ -325,7 +328,7 @@ def open_task(state: Any, notes: Any, task: int, stamp: int) -> None:
     """Another task: nothing is held over from the one before, and stamps lie behind it."""
     clock, sources = state.clock, state.sources
     state.known_t[:], state.known_v[:], state.broken_t[:] = NEVER, np.nan, NEVER
-    state.habits[:] = 0
+    state.habits[:, :TIMES] = 0
     sources[:, NEWEST], clock[SHIFT], clock[NOW] = NEVER, 0, NEVER
     if clock[ROW] > 0 and stamp <= clock[LAST]:
         clock[SHIFT] = clock[LAST] + MOVE - stamp

@@ -12,9 +12,11 @@ import numpy as np
 
 from evertwin.compiled.functions import njit
 
-BESIDE, GIVEN, EMPTY, LOST = range(4)
+BESIDE, GIVEN, EMPTY, LOST, TIMES = range(5)
 """Memory per channel: a column that comes with it, plus one; samples that had both, that had that
-one alone; is its value unknown now?"""
+one alone; is its value unknown now? How often was it lost?"""
+SINGLY = 8
+"""Losses that are told one by one; of more each doubling is."""
 LEARN, MOSTLY = 10, 3
 """Samples with both from which on there is a habit; times as many of them as of the others."""
 
@@ -33,14 +35,22 @@ def given(habit: Any, row: Any, k: int, column: int) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def missing(habit: Any, row: Any, k: int) -> bool:
-    """The command has no value in this sample: has it just been lost?"""
+def missing(habit: Any, row: Any, k: int) -> int:
+    """The command has no value in this sample: has it just been lost? How often by now; 0: no."""
     beside, before = habit[k, BESIDE] - 1, habit[k, LOST]
     if beside >= 0 and np.isfinite(row[beside]):
         habit[k, EMPTY] += 1
         if habit[k, GIVEN] >= max(LEARN, MOSTLY * habit[k, EMPTY]):
             habit[k, LOST] = 1
-    return bool(habit[k, LOST] > before)
+    lost = habit[k, LOST] > before
+    habit[k, TIMES] += lost
+    return int(habit[k, TIMES]) if lost else 0
+
+
+@njit(cache=True, error_model="numpy")
+def is_told(times: int) -> bool:
+    """Is a loss worth an event, after so many of the same channel?"""
+    return times <= SINGLY or times & (times - 1) == 0
 
 
 @njit(cache=True, error_model="numpy")

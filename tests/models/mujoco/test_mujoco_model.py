@@ -243,6 +243,7 @@ def test_a_keyframe_is_the_start() -> None:
     [
         ({"timestp": 1}, "mujoco: no option 'timestp', did you mean 'timestep'"),
         ({"parameters": ["joint.knee.*"]}, "no parameter matches 'joint.knee.*'"),
+        ({"parameters": ["actuator.motor.gian"]}, "there are actuator.motor.gain, actuator.motor"),
         ({"outputs": ["elbow.poz"]}, "did you mean 'elbow.pos'"),
         ({"inputs": ["moter"]}, "did you mean 'motor'"),
     ],

@@ -6,6 +6,7 @@ import asyncio
 import json
 import logging
 import os
+import socket
 import subprocess
 import threading
 import time
@@ -302,6 +303,22 @@ def test_a_queue_that_is_full_is_named_as_the_cause(tmp_path: Path) -> None:
     health = source.health
     assert health.losses == 101 - len(chunks) > 50
     assert any("max_queued_messages" in cause for cause in health.lost)
+
+
+@pytest.mark.parametrize("answers", [False, True], ids=["silent", "closes"])
+def test_a_broker_that_does_not_know_mqtt_5_is_named(*, answers: bool) -> None:
+    """As brokers of 3.1.1 do: they say nothing at all, or close the line."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def closes() -> None:
+            with suppress(OSError):
+                while True:
+                    server.accept()[0].close()
+
+        if answers:
+            threading.Thread(target=closes, daemon=True).start()
+        source = robot(server.getsockname()[1], timeout=0.3)
+        listen(source, lambda _: "version = 3" in source.health.reason)
 
 
 @pytest.mark.system

@@ -21,6 +21,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 from fnmatch import fnmatchcase
 from typing import Any, NamedTuple
 
@@ -36,6 +37,8 @@ DEFAULT = (
     "actuator.*.kp", "actuator.*.kv",
 )  # fmt: skip
 """Knobs of a model that asks for no others."""
+NEAR = 6
+"""Knobs that are named where none is what was asked for."""
 
 
 class Place(NamedTuple):
@@ -94,8 +97,10 @@ def knobs_of(model: Any, patterns: Sequence[str] = DEFAULT) -> tuple[Knob, ...]:
     every = tuple(_all(model))
     for pattern in patterns:
         if pattern not in DEFAULT and not any(fnmatchcase(k.name, pattern) for k in every):
-            some = ", ".join(k.name for k in every[:8])
-            raise UsageError(f"parameters: no parameter matches {pattern!r}; there are {some} …")
+            near = get_close_matches(pattern, [k.name for k in every], NEAR, 0.0)
+            raise UsageError(
+                f"parameters: no parameter matches {pattern!r}; there are {', '.join(near)} …"
+            )
     return tuple(k for k in every if any(fnmatchcase(k.name, p) for p in patterns))
 
 

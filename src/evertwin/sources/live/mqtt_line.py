@@ -22,6 +22,8 @@ LISTEN = 3.0
 """Seconds in which topics are heard."""
 FEW = 8
 """Topics that are named in a sentence."""
+OLDER = "a broker that speaks MQTT 3.1.1 alone is asked by version = 3"
+"""What to do where MQTT 5 is not understood."""
 
 
 class Heard(NamedTuple):
@@ -106,23 +108,35 @@ class Connection:
             more["properties"] = properties.Properties(kinds.PacketTypes.CONNECT)
             more["properties"].SessionExpiryInterval = min(int(broker.session), 0xFFFFFFFE)
             more["clean_start"] = False
-        async with asyncio.timeout(broker.timeout):
-            await asyncio.to_thread(
-                self.client.connect, broker.host, broker.port, broker.keepalive, **more
-            )
-            self._socket = self.client.socket()
-            if self._socket is None:
-                raise LineDown("the broker closed the line")
-            self._loop.add_reader(self._socket, self._read)
-            self._loop.add_writer(self._socket, self._write)
-            self._beat = asyncio.create_task(self._beats())
-            kept, reason = await self._answer
-            if reason:
-                raise LineDown(f"the broker refuses: {reason}")
-            self.client.subscribe([(topic, 1) for topic in topics])
-            refused = await self._granted
-            if refused:
-                raise LineDown(f"the broker refuses the subscription: {refused}")
+        try:
+            async with asyncio.timeout(broker.timeout):
+                kept = await self._connected(broker, topics, more)
+        except TimeoutError:
+            if broker.version == 5 and self._socket is not None and self._answer.cancelled():
+                raise LineDown(f"no answer to MQTT 5 in time: {OLDER}") from None
+            raise
+        return kept
+
+    async def _connected(
+        self, broker: MqttSettings, topics: list[str], more: dict[str, Any]
+    ) -> bool:  # fmt: skip
+        await asyncio.to_thread(
+            self.client.connect, broker.host, broker.port, broker.keepalive, **more
+        )
+        self._socket = self.client.socket()
+        if self._socket is None:
+            raise LineDown("the broker closed the line")
+        self._loop.add_reader(self._socket, self._read)
+        self._loop.add_writer(self._socket, self._write)
+        self._beat = asyncio.create_task(self._beats())
+        kept, reason = await self._answer
+        if reason:
+            older = broker.version == 5 and ("closed" in reason or "protocol version" in reason)
+            raise LineDown(f"the broker refuses: {reason}{f'; {OLDER}' if older else ''}")
+        self.client.subscribe([(topic, 1) for topic in topics])
+        refused = await self._granted
+        if refused:
+            raise LineDown(f"the broker refuses the subscription: {refused}")
         return kept
 
     async def next(self) -> MQTTMessage:

@@ -100,7 +100,7 @@ def beside(settings: LiveSettings) -> LiveSettings:
     if not isinstance(settings, MqttSettings):
         return settings
     return dataclasses.replace(
-        settings, client=f"evertwin-try-{os.getpid()}", session=1.0, will=None
+        settings, client=f"evertwin-try-{os.getpid()}-{settings.source}", session=1.0, will=None
     )
 
 

@@ -64,6 +64,8 @@ _RANGES = (
     ("m/s", "mm/s", 50.0, math.inf),
 )
 """(unit of the channel, unit of the column, largest magnitude above, and below)."""
+FULL = 1.05
+"""What a share reaches at most."""
 
 
 def matched(
@@ -96,7 +98,7 @@ def matched(
     for i, channel in enumerate(channels):
         if i in taken:
             s, column = columns[taken[i]]
-            unit, scale, reason = unit_of(channel.unit, column, shaft=channel.name == "speed")
+            unit, scale, reason = _unit_for(channel, column)
             if column.low == column.high:
                 reason = f"{column.name} would do, but stays at {column.low:g} in these recordings"
                 out.append(Match(channel.name, s, ASK, unit, reason))
@@ -125,7 +127,7 @@ def sole(
         ]  # fmt: skip
         if len(fits) == 1:
             ((s, column),) = fits
-            unit, scale, reason = unit_of(channel.unit, column, shaft=channel.name == "speed")
+            unit, scale, reason = _unit_for(channel, column)
             alike = sum(c.unit == column.unit for one in seen for c in one.columns)
             left = "the only one left" if alike > 1 else "the only one"
             reason = f"{left} in {unit}" if scale == 1.0 else reason
@@ -142,6 +144,17 @@ def _measures(unit: str, channel: Channel) -> bool:
     """Does a unit fit the channel, or what drives its force?"""
     kinds = (channel.unit, *(_DRIVES if channel.unit in _EFFORTS else ()))
     return any(same_kind(unit, kind) for kind in kinds)
+
+
+def _unit_for(channel: Channel, column: ColumnInfo) -> tuple[str, Answer, str]:
+    """`unit_of`; of a share from 0 to 1 whose unit nobody states, by its values too."""
+    found = unit_of(channel.unit, column, shaft=channel.name == "speed")
+    if column.unit or (channel.low, channel.high) != (0.0, 1.0) or not column.high > FULL:
+        return found
+    said = f"values reach {column.high:.4g}: too large for a share"
+    if column.low >= 0.0 and column.high <= 100.0 * FULL:
+        return "%", 1.0, said
+    return "1", ASK, f"{said}: what is one over the full value?"
 
 
 def unit_of(wanted: str, column: ColumnInfo, shaft: bool = False) -> tuple[str, Answer, str]:
