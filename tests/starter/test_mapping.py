@@ -181,6 +181,21 @@ def test_the_room_is_the_steadiest_temperature(written: Written) -> None:
     assert columns(found) == {"heater": "heater_on", "box": "average_temperature", "room": "t3"}
 
 
+@pytest.mark.parametrize(("most", "unit", "asks"), [(1, "1", False), (100, "%", False),
+                                                   (3000, "1", True)])  # fmt: skip
+def test_a_share_without_a_unit_is_told_by_its_values(
+    most: float, unit: str, written: Written, *, asks: bool
+) -> None:
+    table = {
+        "t": T, "HeaterDuty": most * (np.sin(T) > 0), "ChamberTemp": 60 + 20 * np.sin(T),
+        "RoomTemp": 21 + 0.1 * np.sin(T),
+    }  # fmt: skip
+    found = proposed(written(table), kind="thermal")
+    (heater,) = (match for match in found.matches if match.channel == "heater")
+    assert (heater.column, heater.unit) == ("HeaterDuty", unit)
+    assert found.questions == (("heater: scale",) if asks else ())
+
+
 def test_bodies_of_an_arm_stay_once_they_are_known(
     written: Written, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
