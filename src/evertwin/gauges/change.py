@@ -34,10 +34,10 @@ PART = 0.25
 RESTORED = 0.7
 """Share of the rise at the place that this fit has to take back."""
 BINS = 20
-"""Parts of an input's range that count as one place, or as one end of a swing."""
-SWING, COMMON = 20, 0.5
+"""Parts of an input's range that count as one place, or as one swing."""
+SWING, COMMON, FEW = 20, 0.5, 0.25
 """Swings are of so many-th a part of the rows before the place; part of the rise that stays where
-inputs are, and swing, as they had before, at least."""
+inputs swing as they had before, at least; and part of the rows at which they do, at least."""
 
 
 def split(windows: Windows, place: int) -> tuple[Windows, Windows]:
@@ -93,7 +93,7 @@ def suddenly(
     Args:
         windows: rows, in order.
         pose: the problem on some of them; it starts at the version as it is.
-        common: has it to be larger where inputs are, and swing, as before, too?
+        common: has it to be larger where inputs swing as far as before, too?
     """
     whole = pose(windows)
     left = unchanged(whole)
@@ -129,7 +129,7 @@ def changed(windows: Windows, pose: Callable[[Windows], Problem]) -> int:
     now = slice(place, None)
     if not _rises(residual(whole, whole.start), whole.rows.u, place):
         return 0
-    start[now][~seen(whole.rows.u, place)] = np.nan
+    start[now][~_seen(whole.rows.u, place)] = np.nan
     before, after, worse, left = map(_mean, (start[:place], start[now], fit[:place], fit[now]))
     rise = float(np.nansum((after - before) / before))
     explained = float(np.nansum((after - left) / before))
@@ -150,39 +150,54 @@ def _numbers(whole: Problem, fit: Fit) -> tuple[Vector, Vector]:
 
 
 def _rises(residual: Outputs, u: Inputs, place: int) -> bool:
-    """Is the residual larger from ``place`` on where inputs are, and swing, as they had before?"""
-    squares, known = np.square(residual), seen(u, place)
+    """Is the residual larger from ``place`` on where inputs swing as far as they had before?"""
+    squares, known = np.square(residual), swung(u, place)
+    if known.mean() < FEW:
+        return False
     before, risen, common = map(_mean, (squares[:place], squares[place:], squares[place:][known]))
     rise, whole = (float(np.nansum((some - before) / before)) for some in (common, risen))
     return rise >= COMMON * whole
 
 
 def swings_alike(before: Windows, now: Windows) -> bool:
-    """Were the inputs in half of these rows where they had been before, and did they swing as far?
-    Where there are fewer rows before nobody knows, and they did."""
+    """Had inputs swung as far as in half of these rows before? Where there are fewer rows before
+    nobody knows, and they had."""
     u = [np.concatenate([block.u for block in some]) for some in (before, now)]
     place = len(u[0])
-    known = place < len(u[1]) or seen(np.concatenate(u), place).mean() >= COMMON
+    known = place < len(u[1]) or swung(np.concatenate(u), place).mean() >= COMMON
     return bool(known)
 
 
-def seen(u: Inputs, place: int) -> np.ndarray:
-    """Rows from ``place`` on whose inputs had been where they are, and had swung as far: elsewhere
-    the form may be wrong, which looks the same as a change.
+def swung(u: Inputs, place: int) -> np.ndarray:
+    """Rows from ``place`` on up to which inputs swung as far as before that: elsewhere the form may
+    be wrong, which looks the same as a change.
 
     >>> u = np.repeat([1.0, -1.0] * 20 + [3.0, -3.0] * 10, 20)[:, None]
-    >>> bool(seen(u[:800], 400).all()), bool(seen(u, 800).any())
+    >>> bool(swung(u[:800], 400).all()), bool(swung(u, 800).any())
     (True, False)
     """
-    known = np.ones(len(u) - place, dtype=np.bool_)
     span = max(place // SWING, ROWS)
     back = (span - 1) // 2  # of the rows up to each
-    for column in np.where(np.isfinite(u), u, np.nanmin(u, axis=0)).T:
-        low, wide = column.min(), np.ptp(column) or 1.0
-        ends = (some(column, span, origin=back, mode="nearest") for some in (minimum_filter1d, maximum_filter1d))
-        for values in (column, *ends):
-            bins = ((values - low) / wide * BINS).astype(int)
-            known &= np.isin(bins[place:], bins[:place])
+    filled = np.where(np.isfinite(u), u, np.nanmin(u, axis=0))
+    low, high = (
+        some(filled, span, axis=0, origin=back, mode="nearest")
+        for some in (minimum_filter1d, maximum_filter1d)
+    )
+    return _known(high - low, np.ptp(filled, axis=0), place)
+
+
+def _seen(u: Inputs, place: int) -> np.ndarray:
+    """Rows from ``place`` on whose inputs had been where they are, and had swung as far."""
+    low = np.nanmin(u, axis=0)
+    return swung(u, place) & _known(np.nan_to_num(u - low), np.nanmax(u, axis=0) - low, place)
+
+
+def _known(values: Inputs, wide: Vector, place: int) -> np.ndarray:
+    """Rows from ``place`` on whose values, of `BINS` parts of a range, were there before."""
+    bins = (values / np.where(wide > 0.0, wide, 1.0) * BINS).astype(int)
+    known = np.ones(len(bins) - place, dtype=np.bool_)
+    for column in bins.T:
+        known &= np.isin(column[place:], column[:place])
     return known
 
 

@@ -23,8 +23,8 @@ moves beside it anyway."""
 
 @njit(**COLD)
 def is_at_end(limits: Any, memory: Any, room: Any, g: int, size: int) -> bool:
-    """Is each output that equal values came from where its values end, beyond which it is predicted,
-    or hardly back from there?"""
+    """Is each output that equal values came from where all its values end, and predicted beyond, or
+    hardly back from there?"""
     values, numbers, _ = memory
     for k in range(size):
         j = room[k]
