@@ -65,6 +65,32 @@ def test_numbers_that_tell_the_same_hide_no_change() -> None:
     assert abs(changed((rows,), pose) - CHANGE) <= 5
 
 
+def played(seed: int, share: float, grows: bool) -> tuple[Block, Robot1D]:
+    """A drive with play between the set speed and its wheel, driven harder from `CHANGE`
+    on if it ``grows``; it goes ``share`` times as fast from `CHANGE` on."""
+    rng, n = np.random.default_rng([seed, 3]), 2400
+    harder = np.where(grows & (np.arange(n) < CHANGE), 0.4, 1.0)
+    v = harder * np.repeat(rng.uniform(-1.0, 1.0, n // 10), 10)
+    wheel, at = np.zeros(n), 0.0
+    for k in range(n):
+        at = min(max(at, v[k] - 0.15), v[k] + 0.15)
+        wheel[k] = at
+    speed = np.where(np.arange(n) < CHANGE, 1.0, share) * wheel
+    x = np.r_[0.0, np.cumsum(speed)[:-1]] + rng.normal(0.0, 0.01, n)
+    return make_block(np.arange(n) * 10**9, v[:, None], x[:, None]), Robot1D()
+
+
+def test_play_of_a_drive_that_is_driven_harder_is_no_change() -> None:
+    def place(seed: int, share: float, grows: bool) -> int:
+        rows, model = played(seed, share, grows)
+        prior = model.parameters.with_values({"gain": 0.4 if grows else 0.85})
+        return changed((rows,), lambda some: Problem(model, some, ("gain",), 5.0, prior=prior))
+
+    assert not any(place(seed, 1.0, grows=True) for seed in range(8))
+    told = [abs(place(seed, 0.6, grows=False) - CHANGE) <= 60 for seed in range(8)]
+    assert sum(told) >= 7
+
+
 def test_of_fewer_rows_than_two_blocks_nothing_is_told() -> None:
     model = Robot1D()
     for n in range(1, 20):

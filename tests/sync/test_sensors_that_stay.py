@@ -12,6 +12,8 @@ from evertwin.signals import Layout
 from evertwin.sync import Arbiter, Rule, Track
 
 ROWS, AT = 2600, 2000
+TOLD = ("measurement_error", "at_limit")
+"""Of one that froze where all its values end both are right: it may be a stop of the machine."""
 
 
 def commands(rng: np.random.Generator, hold: int, rest: float) -> np.ndarray:
@@ -64,7 +66,7 @@ def test_one_of_few_steps_is_blamed_where_it_froze_and_nowhere_else(
         stage = Track(model, Arbiter(Rule(use="blend")))
         state = stage.init()
         _, out = fold(stage, [block], state._replace(x=y[:1].copy(), x0=y[:1].copy()))
-        told = [r.row for r in out.records if r.kind == "measurement_error"]
+        told = [r.row for r in out.records if r.kind in TOLD and not r.evidence.get("over")]
         accused += any(row < AT for row in told)
         far = np.flatnonzero(np.abs(y[AT:] - y[AT]) > 10.0 * step)
         could += len(far) > 0
@@ -83,7 +85,7 @@ def test_one_that_stood_with_its_machine_is_told_frozen_later() -> None:
         seen[AT:] = seen[AT]
         block = make_block(np.arange(ROWS) * 10**9, u[:, None], seen[:, None])
         _, out = fold(Track(model, Arbiter(Rule(use="blend"))), [block])
-        told = [r.row for r in out.records if r.kind == "measurement_error"]
+        told = [r.row for r in out.records if r.kind in TOLD and not r.evidence.get("over")]
         accused += sum(row < AT for row in told)
         found += (out.rows.mark[AT:, 0] == Mark.ERROR).mean() > 0.5
     assert accused <= 2 * 25 and found >= 24, (accused, found)
@@ -101,3 +103,47 @@ def test_one_that_is_back_at_the_value_before_has_answered() -> None:
         block = make_block(np.arange(ROWS) * 10**9, u[:, None], seen[:, None])
         _, out = fold(Track(model, Arbiter(Rule(use="blend"))), [block])
         assert not [r for r in out.records if r.kind == "measurement_error"]
+
+
+def stopped(seed: int, case: str) -> tuple[list[str], np.ndarray]:
+    """Kinds of what is told of a store whose level has a brim, or whose sensor ends, or freezes at
+    the largest value so far or halfway; and its marks since then."""
+    rng = np.random.default_rng([seed, 8])
+    u, y = 5.0 + 2.0 * commands(rng, 60, 0.0), np.empty(ROWS)
+    u[:60] = 4.0  # it has gone both ways: of one that only rose nobody knows that it may end
+    x, keeps = 5.0, np.exp(-1.0 / 30.0)
+    for k in range(ROWS):
+        x = u[k] + (x - u[k]) * keeps
+        x = min(x, 6.5) if case == "brim" else x
+        y[k] = min(x, 6.5) if case == "scale" else x
+    seen = y + rng.normal(0.0, 0.01, ROWS)
+    since = 0
+    if case in ("brim", "scale"):
+        seen = np.where(y >= 6.5, 6.5, np.minimum(seen, 6.5))
+    else:
+        off = np.abs(seen - np.median(seen))[500:1500]
+        since = 500 + int(np.argmax(seen[500:1500]) if case == "highest" else np.argmin(off))
+        seen[:since] = np.minimum(seen[:since], seen[since] + 10.0 * (case == "middle"))
+        seen[since:] = seen[since]
+    model = FunctionModel(
+        lambda x, u, dt, p: ((z := [u[0] + (x[0] - u[0]) * keeps]), z),
+        Layout.of(u="V"), Layout.of(y="V"), Layout.of(y="V"),
+    )  # fmt: skip
+    block = make_block(np.arange(ROWS) * 10**9, u[:, None], seen[:, None])
+    stage = Track(model, Arbiter(Rule(use="blend")))
+    _, out = fold(stage, [block], stage.init()._replace(x=seen[:1].copy(), x0=seen[:1].copy()))
+    return [r.kind for r in out.records], out.rows.mark[since:, 0]
+
+
+@pytest.mark.parametrize("case", ["brim", "scale"])
+def test_a_brim_or_a_full_scale_is_no_frozen_sensor(case: str) -> None:
+    told = [stopped(seed, case)[0] for seed in range(12)]
+    assert sum("at_limit" in kinds for kinds in told) >= 11
+    assert sum("measurement_error" in kinds for kinds in told) <= 1
+
+
+@pytest.mark.parametrize("case", ["highest", "middle"])
+def test_one_that_froze_is_told_at_its_highest_value_too(case: str) -> None:
+    found = [stopped(seed, case) for seed in range(12)]
+    assert sum("measurement_error" in kinds for kinds, _ in found) >= 11
+    assert sum((mark == Mark.ERROR).mean() > 0.9 for _, mark in found) >= 11

@@ -5,7 +5,9 @@ is into two parts of different size most clearly (likelihood ratio of two expone
 of the mean squares of blocks of rows, summed over outputs). A motion that is harder to predict
 looks the same, so a place counts only if a fit to the rows behind it does worse before it, and
 there, where the inputs had been before, nearly as well as the version did: no version holds for
-both, and the form holds for either.
+both, and the form holds for either. Where play or friction holds a machine back, what it does goes
+by how far its inputs swing, too: a rise that is left to rows at which they swing as they had not
+before tells of no change.
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from evertwin.fold import Block, Windows, take
 from evertwin.gauges.gauge_rows import residual, unchanged
@@ -31,7 +34,10 @@ PART = 0.25
 RESTORED = 0.7
 """Share of the rise at the place that this fit has to take back."""
 BINS = 20
-"""Parts of an input's range that count as one place."""
+"""Parts of an input's range that count as one place, or as one swing."""
+SWING, COMMON, FEW = 20, 0.5, 0.25
+"""Swings are of so many-th a part of the rows before the place; part of the rise that stays where
+inputs swing as they had before, at least; and part of the rows at which they do, at least."""
 
 
 def split(windows: Windows, place: int) -> tuple[Windows, Windows]:
@@ -78,13 +84,23 @@ def likely(residual: Outputs) -> int:
 
 
 @unmeasured()
-def suddenly(windows: Windows, pose: Callable[[Windows], Problem]) -> Windows:
+def suddenly(
+    windows: Windows, pose: Callable[[Windows], Problem], *, common: bool = True
+) -> Windows:
     """The rows behind the place from which on the residual is larger; none where there is no such
     place. Whether it is the machine that changed there is for a search on them to tell.
+
+    Args:
+        windows: rows, in order.
+        pose: the problem on some of them; it starts at the version as it is.
+        common: has it to be larger where inputs swing as far as before, too?
     """
     whole = pose(windows)
-    place = likely(unchanged(whole))
-    return split(windows, place)[1] if place else ()
+    left = unchanged(whole)
+    place = likely(left)
+    if not place or (common and not _rises(left, whole.rows.u, place)):
+        return ()
+    return split(windows, place)[1]
 
 
 @unmeasured()
@@ -111,6 +127,8 @@ def changed(windows: Windows, pose: Callable[[Windows], Problem]) -> int:
     # the row from which on the fit is the better one, summed over all rows
     place = 1 + int(np.argmin(np.cumsum(np.nansum((start - fit) / size, axis=1))))
     now = slice(place, None)
+    if not _rises(residual(whole, whole.start), whole.rows.u, place):
+        return 0
     start[now][~_seen(whole.rows.u, place)] = np.nan
     before, after, worse, left = map(_mean, (start[:place], start[now], fit[:place], fit[now]))
     rise = float(np.nansum((after - before) / before))
@@ -131,13 +149,56 @@ def _numbers(whole: Problem, fit: Fit) -> tuple[Vector, Vector]:
     return values, half
 
 
+def _rises(residual: Outputs, u: Inputs, place: int) -> bool:
+    """Is the residual larger from ``place`` on where inputs swing as far as they had before?"""
+    squares, known = np.square(residual), swung(u, place)
+    if known.mean() < FEW:
+        return False
+    before, risen, common = map(_mean, (squares[:place], squares[place:], squares[place:][known]))
+    rise, whole = (float(np.nansum((some - before) / before)) for some in (common, risen))
+    return rise >= COMMON * whole
+
+
+def swings_alike(before: Windows, now: Windows) -> bool:
+    """Had inputs swung as far as in half of these rows before? Where there are fewer rows before
+    nobody knows, and they had."""
+    u = [np.concatenate([block.u for block in some]) for some in (before, now)]
+    place = len(u[0])
+    known = place < len(u[1]) or swung(np.concatenate(u), place).mean() >= COMMON
+    return bool(known)
+
+
+def swung(u: Inputs, place: int) -> np.ndarray:
+    """Rows from ``place`` on up to which inputs swung as far as before that: elsewhere the form may
+    be wrong, which looks the same as a change.
+
+    >>> u = np.repeat([1.0, -1.0] * 20 + [3.0, -3.0] * 10, 20)[:, None]
+    >>> bool(swung(u[:800], 400).all()), bool(swung(u, 800).any())
+    (True, False)
+    """
+    span = max(place // SWING, ROWS)
+    back = (span - 1) // 2  # of the rows up to each
+    filled = np.where(np.isfinite(u), u, np.nanmin(u, axis=0))
+    low, high = (
+        some(filled, span, axis=0, origin=back, mode="nearest")
+        for some in (minimum_filter1d, maximum_filter1d)
+    )
+    return _known(high - low, np.ptp(filled, axis=0), place)
+
+
 def _seen(u: Inputs, place: int) -> np.ndarray:
-    """Rows from ``place`` on whose inputs had been where they are: elsewhere the form may be wrong,
-    which looks the same as a change."""
-    low, high = np.nanmin(u, axis=0), np.nanmax(u, axis=0)
-    bins = np.nan_to_num((u - low) / np.where(high > low, high - low, 1.0) * BINS).astype(int)
-    known = [np.isin(column[place:], column[:place]) for column in bins.T]
-    return np.all(known, axis=0) if known else np.ones(len(u) - place, dtype=np.bool_)
+    """Rows from ``place`` on whose inputs had been where they are, and had swung as far."""
+    low = np.nanmin(u, axis=0)
+    return swung(u, place) & _known(np.nan_to_num(u - low), np.nanmax(u, axis=0) - low, place)
+
+
+def _known(values: Inputs, wide: Vector, place: int) -> np.ndarray:
+    """Rows from ``place`` on whose values, of `BINS` parts of a range, were there before."""
+    bins = (values / np.where(wide > 0.0, wide, 1.0) * BINS).astype(int)
+    known = np.ones(len(bins) - place, dtype=np.bool_)
+    for column in bins.T:
+        known &= np.isin(column[place:], column[:place])
+    return known
 
 
 def _mean(squares: Outputs) -> PerOutput:

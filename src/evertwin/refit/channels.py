@@ -124,7 +124,7 @@ def of_a_channel(
 def _reread(tuner: Tuner, task: Task, names: tuple[str, ...]) -> SensorChange | None:
     """The reading of a channel by which a twin that never held is suddenly off by far more."""
     pose = partial(tuner.problem, task.version, names=names)
-    new = suddenly(task.windows, pose)
+    new = suddenly(task.windows, pose, common=False)
     if sum(len(block.t) for block in new) < ENOUGH * len(names):
         return None
     try:

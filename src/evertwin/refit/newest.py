@@ -15,7 +15,7 @@ import numpy as np
 
 from evertwin.errors import DataError, ModelError
 from evertwin.fold import Windows, take
-from evertwin.gauges.change import split
+from evertwin.gauges.change import split, swings_alike
 from evertwin.refit.fewest import Tune
 from evertwin.tuning import Fit, Problem
 from evertwin.tuning.recordings import beginning
@@ -38,7 +38,9 @@ def newest(problem: Problem, fit: Fit, pose: Pose, tune: Tune) -> tuple[Problem,
         tune: as the candidate is tuned.
     """
     try:
-        while (rows := _half(problem.windows, len(fit.names))) and _better(rows, pose, tune):
+        while rows := _half(problem.windows, len(fit.names)):
+            if not (swings_alike(*rows) and _better(rows, pose, tune)):
+                break
             problem, fit, _ = tune(pose(rows[1]))
     except (DataError, ModelError):  # too few rows, or none that tell
         pass

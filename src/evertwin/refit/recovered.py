@@ -15,11 +15,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from evertwin.fold import Windows
-from evertwin.gauges.change import split
+from evertwin.gauges.change import split, swings_alike
 from evertwin.gauges.gauge_rows import unchanged
 from evertwin.gauges.sensor_change import unmeasured
 from evertwin.models.form import Version
 from evertwin.refit.answering import event
+from evertwin.refit.newest import after
 from evertwin.refit.tuner import ENOUGH
 from evertwin.rows.ring import called
 from evertwin.setup.evaluation import scale_of, sizes
@@ -64,13 +65,16 @@ def recovered(work: Work, task: Task) -> dict[str, Any] | None:
     if found is None:
         return None
     old, posed, windows, in_all = found
+    past = after((*task.earlier, *task.windows), 0, windows[0].row)
+    if past and not swings_alike(past, windows):  # the form may hold for neither
+        return None
     now = work.problem(task.version, windows, names)
     if in_all > ALIKE * _tuned(work, task.version, windows, names):
         return None
-    before, after = sizes(work.setup, now, now.start), sizes(work.setup, posed, posed.start)
+    was, new = sizes(work.setup, now, now.start), sizes(work.setup, posed, posed.start)
     said = f"the machine is again as at version {old.number}, as after a repair"
     numbers = dict(zip(old.names, old.values, strict=True))
-    candidate = work.candidate(old.form, numbers, scale_of(before, after), said, windows)
+    candidate = work.candidate(old.form, numbers, scale_of(was, new), said, windows)
     told = {"version": old.number, "share": least}
     said += f", since {called(windows[0].row)}"
     return {

@@ -9,6 +9,7 @@ gate cannot do that, so each sample of a signal group passes four steps:
 2. *Hard plausibility*: range, rate, frozen while the model predicts motion (one value, two in
    turn, or less scatter than the sensor's own noise; spikes in between), sentinel code, suspected
    factor (10ⁿ, 180/π, 25.4, a foot, −1; rpm of rad/s) → obvious error: predict on, less certain.
+   One value at an end of all values is a full scale or a stop, until it misses the way back.
 3. *Innovation gate*: innovation² ≤ gate²·S + path². S is the arbiter's own, from the statistics of
    the innovation (per phase where one is set), growing while it predicts; path is twice
    what the model predicted to move since the last trusted sample, or usually does (the tolerance,
@@ -212,6 +213,10 @@ def describe(model: Model, found: np.ndarray, detail: np.ndarray) -> Event:
     delta = {outputs.names[j]: float(detail[1 + j]) for j in which}
     sigma = {outputs.names[j]: math.sqrt(detail[1 + ny + j]) for j in which}
     if kind == at.Finding.ERROR or kind == at.Finding.RESTORED:
+        if cause == at.Cause.END:
+            over = kind == at.Finding.RESTORED
+            evidence |= {"cause": "end", "delta": delta, "over": over}
+            return _event(row, time, "at_limit", group, _at_limit(over, first, final), evidence)
         reason = _CAUSES[at.Cause(cause)]
         odd = _farthest(delta, sigma) if len(which) > 1 else ()
         evidence["cause"] = at.Cause(cause).name.lower()
@@ -276,6 +281,17 @@ def _input_event(inputs: Layout, found: np.ndarray, detail: np.ndarray) -> Event
         f"the outputs do not follow it: taken {how}"
     )
     return _event(row, time, "measurement_error", inputs.names[k], reason, evidence)
+
+
+def _at_limit(over: bool, first: int, final: int) -> str:
+    """Of values that stay where all values of an output end."""
+    if over:
+        return f"no longer where all its values end, as from row {first} to {final}"
+    return (
+        f"stays where all its values end, since row {first}, while the model predicts motion: the "
+        "end of its sensor's range, a stop of the machine, or a sensor that froze there; which of "
+        "them cannot be told, and no number is tuned to these rows"
+    )
 
 
 def _event(

@@ -12,6 +12,7 @@ import numpy as np
 from evertwin.compiled.functions import njit
 from evertwin.fold import Mark
 from evertwin.sync import places as at
+from evertwin.sync.ends_loop import is_at_end
 from evertwin.sync.factor_loop import blamed, persists, scaled, weigh, weigh_anew
 from evertwin.sync.horizon_loop import wrapped
 from evertwin.sync.options import COLD, HOT
@@ -24,7 +25,7 @@ from evertwin.sync.plausible_loop import (
     learn,
     measure,
 )
-from evertwin.sync.run_loop import follow, learn_noise, withdraw
+from evertwin.sync.run_loop import EQUAL, follow, learn_noise, withdraw
 from evertwin.sync.vote_loop import (
     agrees,
     end_contest,
@@ -208,17 +209,27 @@ def refresh(case: Case, g: int, now: Any) -> None:
 
 @njit(**COLD)
 def accuse(case: Case, g: int, size: int, cause: int, now: Any) -> None:
-    """An obvious error; a frozen sensor was so since its run began."""
+    """An obvious error; a frozen sensor was so since its run began.
+
+    Where all its values end it may be there rightly, until it misses the way back.
+    """
     numbers, onset = case.memory[1], now[0]
+    begins, ends = numbers[g, at.CAUSE] != FROZEN, False
     numbers[g, at.FREE] = 0
     if cause == FROZEN:
         onset = numbers[g, at.RUN_ROW + numbers[g, at.HELD_BY]]
-        if numbers[g, at.CAUSE] != FROZEN:
+        ends = numbers[g, at.HELD_BY] == EQUAL
+        ends = ends and is_at_end(case.settings[0], case.memory, case.sample[0], g, size)
+        if begins:
             withdraw(case, g, size)
             if numbers[g, at.BATCH_ROW] >= onset:
                 # What was contested since then is part of the same fault.
                 numbers[g, at.CONTEST] = numbers[g, at.BATCH] = 0
+        elif numbers[g, at.AT_END] > 0 and not ends:
+            numbers[g, at.AT_END] = numbers[g, at.TOLD] = 0
     fault(case, g, cause, onset, now)
+    if begins:
+        numbers[g, at.AT_END] = ends
 
 
 @njit(**HOT)

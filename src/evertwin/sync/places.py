@@ -74,7 +74,9 @@ CARRIES = 59
 """And the first row + 1 of the last fault by a factor that it is known to be off by."""
 NET, LEAST, MOST = 60, 61, 62
 """And how far trusted samples have come by now, net, and how far at least and at most."""
-VALUES = 63
+TOP, BOTTOM, FELL, ROSE = 63, 64, 65, 66
+"""And the largest and the least of the trusted samples; how far they came back from either."""
+VALUES = 67
 (
     STARTED, VALID, GOOD_AT, LAST_AT, CAUSE, ONSET, UNTIL, FAULTS, TOLD, CONTEST, BATCH, BATCH_ROW,
     LEFT, SAMPLES, UPDATES, RESETS, CONTESTED, ERRORS, TURNS, HELD_BY, QUIET,
@@ -93,7 +95,9 @@ started anew; the longest of its newest pauses [ns], slowly forgotten; trusted s
 variance was widened."""
 FREE = 36
 """And per group: kind of run + 1 for which a state runs free, 0: none."""
-NUMBERS = 37
+AT_END = 37
+"""And per group: does what stays, as a frozen sensor does, stay where its values end?"""
+NUMBERS = 38
 SPREAD, INTERVAL, OUTSIDE, FACTOR, SOUND_BY, LOUDEST = range(6)
 """Memory per group, numbers: variance of the state over that of the measurement; mean interval of
 trusted samples [ns]; share of contested samples; suspected factor; how much likelier it is that it
@@ -183,6 +187,7 @@ class Cause(IntEnum):
     FACTOR = 6
     VOTE = 7
     AWAY = 8
+    END = 9
 
 
 class Finding(IntEnum):

@@ -163,6 +163,10 @@ def extend(limits: Any, values: Any, numbers: Any, sample: Any, g: int, size: in
         off = change - values[j, at.CHANGE]
         values[j, at.CHANGE] = change
         values[j, at.LINE] += (off * off - values[j, at.LINE]) / few
+        values[j, at.TOP] = max(values[j, at.TOP], y[j])
+        values[j, at.BOTTOM] = min(values[j, at.BOTTOM], y[j])
+        values[j, at.FELL] = max(values[j, at.FELL], values[j, at.TOP] - y[j])
+        values[j, at.ROSE] = max(values[j, at.ROSE], y[j] - values[j, at.BOTTOM])
         values[j, at.NET] += change
         values[j, at.LEAST] = min(values[j, at.LEAST], values[j, at.NET])
         values[j, at.MOST] = max(values[j, at.MOST], values[j, at.NET])

@@ -126,6 +126,7 @@ class Track:
         # An innovation is the difference of two measurements.
         variance[-1], counts[-1] = 2.0 * sigma**2, np.where(sigma > 0, at.LEARN, 0)
         values = np.zeros((ny, at.VALUES))
+        values[:, at.TOP], values[:, at.BOTTOM] = -np.inf, np.inf
         values[:, [at.AFTER, at.NU_BEFORE, at.OTHER]], values[:, at.BASE] = np.nan, np.inf
         values[:, at.SQUARE] = np.where(sigma > 0, sigma**2, np.inf)
         numbers = np.zeros((ng, at.NUMBERS), dtype=np.int64)

@@ -17,7 +17,7 @@ from evertwin.sync.places import Cause, Finding
 from evertwin.sync.workspace import Case
 
 ERROR, OVERRULED, RESTORED = int(Finding.ERROR), int(Finding.OVERRULED), int(Finding.RESTORED)
-VOTE = int(Cause.VOTE)
+VOTE, END = int(Cause.VOTE), int(Cause.END)
 LOUD = 1.5**2
 """Test ratio from which on contested samples are told of: of Gaussian noise beyond four deviations
 every ten-thousandth sample is, beyond six none."""
@@ -192,7 +192,7 @@ def fault(case: Case, g: int, cause: int, onset: int, now: Any) -> None:
     if numbers[g, at.TOLD] == 0 and numbers[g, at.FAULTS] >= case.settings[1][g, at.VOTE]:
         numbers[g, at.TOLD] = 1
         span = (numbers[g, at.ONSET], now[0], numbers[g, at.FAULTS])
-        note(case, now, ERROR, g, cause, span)
+        note(case, now, ERROR, g, END if numbers[g, at.AT_END] > 0 else cause, span)
 
 
 @njit(**COLD)
@@ -203,5 +203,5 @@ def end_fault(case: Case, g: int, now: Any) -> None:
         return
     span = (numbers[g, at.ONSET], numbers[g, at.UNTIL], numbers[g, at.FAULTS])
     kind = RESTORED if numbers[g, at.TOLD] else ERROR
-    note(case, now, kind, g, numbers[g, at.CAUSE], span)
-    numbers[g, at.CAUSE] = numbers[g, at.FAULTS] = numbers[g, at.TOLD] = 0
+    note(case, now, kind, g, END if numbers[g, at.AT_END] > 0 else numbers[g, at.CAUSE], span)
+    numbers[g, at.CAUSE] = numbers[g, at.FAULTS] = numbers[g, at.TOLD] = numbers[g, at.AT_END] = 0

@@ -104,7 +104,7 @@ export function sign(condition) {
 export const KINDS = {
   promoted: "improved", rolled_back: "taken back", suspected: "suspected", normal: "explained", abnormal: "form is wrong",
   tuned: "tuned", corrected: "corrected", rejected: "no better", drift: "drift", measurement_error: "sensor error",
-  measurement_restored: "sensor restored", external: "pushed", alarm: "alarm", alarm_cleared: "alarm over",
+  measurement_restored: "sensor restored", at_limit: "at a limit", external: "pushed", alarm: "alarm", alarm_cleared: "alarm over",
   labelled: "labelled", heeded: "label acted", pinned: "pinned", configured: "configured", started: "started", changed: "machine changed",
   not_identifiable: "cannot be told", not_valid: "no trusted sample", valid: "trusted again", overruled: "measurement believed",
   silent: "no samples", back: "samples again",
