@@ -178,18 +178,20 @@ def swung(u: Inputs, place: int) -> np.ndarray:
     """
     span = max(place // SWING, ROWS)
     back = (span - 1) // 2  # of the rows up to each
-    filled = np.where(np.isfinite(u), u, np.nanmin(u, axis=0))
+    least = np.where(np.isfinite(u), u, np.inf).min(axis=0)
+    filled = np.where(np.isfinite(u), u, np.where(np.isfinite(least), least, 0.0))
     low, high = (
         some(filled, span, axis=0, origin=back, mode="nearest")
         for some in (minimum_filter1d, maximum_filter1d)
     )
-    return _known(high - low, np.ptp(filled, axis=0), place)
+    return _known(high - low, filled.max(axis=0) - filled.min(axis=0), place)
 
 
 def _seen(u: Inputs, place: int) -> np.ndarray:
     """Rows from ``place`` on whose inputs had been where they are, and had swung as far."""
     low = np.nanmin(u, axis=0)
-    return swung(u, place) & _known(np.nan_to_num(u - low), np.nanmax(u, axis=0) - low, place)
+    there = _known(np.nan_to_num(u - low), np.nanmax(u, axis=0) - low, place)
+    return np.asarray(swung(u, place) & there)
 
 
 def _known(values: Inputs, wide: Vector, place: int) -> np.ndarray:
@@ -198,7 +200,7 @@ def _known(values: Inputs, wide: Vector, place: int) -> np.ndarray:
     known = np.ones(len(bins) - place, dtype=np.bool_)
     for column in bins.T:
         known &= np.isin(column[place:], column[:place])
-    return known
+    return np.asarray(known)
 
 
 def _mean(squares: Outputs) -> PerOutput:
