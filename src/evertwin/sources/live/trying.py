@@ -7,7 +7,6 @@ be read, what never comes, and values that no such machine has.
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import dataclasses
 import math
 import os
@@ -26,6 +25,8 @@ from evertwin.sources.live.opcua_spec import OpcuaSettings
 from evertwin.sources.live.registry import open_live
 from evertwin.sources.spec import ArraySpec, SourceSpec
 
+AGAIN = 0.5
+"""Seconds after which what reads is told once more to end."""
 ENOUGH = 5
 """Samples that tell whether a map fits."""
 
@@ -69,16 +70,25 @@ async def misfits(
 async def some(source: LiveSource, most: int, seconds: float) -> list[Chunk]:
     """About ``most`` samples of an open source, or what comes in so many seconds; it is closed."""
     chunks = list[Chunk]()
+
+    async def read() -> None:
+        async for chunk in source.chunks():
+            source.committed(chunk)
+            chunks.append(chunk)
+            if sum(len(one.t) for one in chunks) >= most:
+                break
+
+    task = asyncio.create_task(read())
     try:
-        with contextlib.suppress(TimeoutError):
-            async with asyncio.timeout(seconds):
-                async for chunk in source.chunks():
-                    source.committed(chunk)
-                    chunks.append(chunk)
-                    if sum(len(one.t) for one in chunks) >= most:
-                        break
+        await asyncio.wait({task}, timeout=seconds)
+        while not task.done():  # Python 3.11 loses one that comes with what was waited for
+            task.cancel()
+            await asyncio.wait({task}, timeout=AGAIN)
     finally:
+        task.cancel()
         source.close()
+    if not task.cancelled():
+        task.result()
     return chunks
 
 
