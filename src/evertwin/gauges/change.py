@@ -160,17 +160,18 @@ def _rises(residual: Outputs, u: Inputs, place: int) -> bool:
 
 
 def swings_alike(before: Windows, now: Windows) -> bool:
-    """Had inputs swung as far as in half of these rows before? Where there are fewer rows before
-    nobody knows, and they had."""
+    """Do inputs swing no farther in half of these rows than they had before? Where there are fewer
+    rows before nobody knows, and they do not."""
     u = [np.concatenate([block.u for block in some]) for some in (before, now)]
     place = len(u[0])
-    known = place < len(u[1]) or swung(np.concatenate(u), place).mean() >= COMMON
-    return bool(known)
+    if place < len(u[1]):
+        return True
+    return bool(swung(np.concatenate(u), place).mean() >= COMMON)
 
 
 def swung(u: Inputs, place: int) -> np.ndarray:
-    """Rows from ``place`` on up to which inputs swung as far as before that: elsewhere the form may
-    be wrong, which looks the same as a change.
+    """Rows from ``place`` on up to which inputs swung no farther than before that: elsewhere the
+    form may be wrong, which looks the same as a change.
 
     >>> u = np.repeat([1.0, -1.0] * 20 + [3.0, -3.0] * 10, 20)[:, None]
     >>> bool(swung(u[:800], 400).all()), bool(swung(u, 800).any())
@@ -184,23 +185,19 @@ def swung(u: Inputs, place: int) -> np.ndarray:
         some(filled, span, axis=0, origin=back, mode="nearest")
         for some in (minimum_filter1d, maximum_filter1d)
     )
-    return _known(high - low, filled.max(axis=0) - filled.min(axis=0), place)
+    wide = high - low
+    return np.asarray((wide[place:] <= (1.0 + 1.0 / BINS) * wide[:place].max(axis=0)).all(axis=1))
 
 
 def _seen(u: Inputs, place: int) -> np.ndarray:
-    """Rows from ``place`` on whose inputs had been where they are, and had swung as far."""
+    """Rows from ``place`` on whose inputs had been where they are, and swung no farther."""
     low = np.nanmin(u, axis=0)
-    there = _known(np.nan_to_num(u - low), np.nanmax(u, axis=0) - low, place)
-    return np.asarray(swung(u, place) & there)
-
-
-def _known(values: Inputs, wide: Vector, place: int) -> np.ndarray:
-    """Rows from ``place`` on whose values, of `BINS` parts of a range, were there before."""
-    bins = (values / np.where(wide > 0.0, wide, 1.0) * BINS).astype(int)
-    known = np.ones(len(bins) - place, dtype=np.bool_)
+    wide = np.nanmax(u, axis=0) - low
+    bins = np.nan_to_num((u - low) / np.where(wide > 0.0, wide, 1.0) * BINS).astype(int)
+    known = swung(u, place)
     for column in bins.T:
         known &= np.isin(column[place:], column[:place])
-    return np.asarray(known)
+    return known
 
 
 def _mean(squares: Outputs) -> PerOutput:
