@@ -16,7 +16,8 @@ PROBE = """
 import importlib.resources, pathlib, sys, evertwin
 assert all(hasattr(evertwin, name) for name in evertwin.__all__)
 assert importlib.resources.files("evertwin").joinpath("py.typed").is_file()
-assert importlib.resources.files("evertwin.features").joinpath("data", "objects.onnx").is_file()
+images = importlib.resources.files("evertwin.features.images")
+assert images.joinpath("data", "objects.onnx").is_file()
 assert pathlib.Path(sys.prefix) in pathlib.Path(evertwin.__file__).parents, evertwin.__file__
 """
 

@@ -50,6 +50,11 @@ TRUST = """async () => {
   const warm = { unit: "K", shown: { unit: "degC", factor: 1, zero: 273.15, apart: "K" } };
   return [tags, quantity(Math.PI, rpm), quantity(294.25, levelOf(warm)), quantity(2, unitOf(warm))];
 }"""
+NEWEST = """() => {
+  const { scrollWidth, clientWidth } = document.querySelector(".newest .scroll");
+  return [scrollWidth, clientWidth];
+}"""
+"""In one: the table is another one with each row that comes."""
 WIDE = """async () => {
   const { h, table } = await import("/static/dom.js");
   const { parted, quantity } = await import("/static/words.js");
@@ -443,10 +448,8 @@ def test_the_ghost_of_an_arm_goes_where_the_torques_differ(shown: Shown) -> None
     assert calm == [0, 0], "as predicted: the ghost stands in the machine"
     assert off == [5, -30], "10 % of the usual torque; far more than is drawn"
     picture(page, "twin/arm/arm_live")
-    for wide, room in (
-        page.eval_on_selector(".newest .scroll", "(one) => [one.scrollWidth, one.clientWidth]"),
-        page.evaluate(WIDE),  # whatever values and units there are
-    ):
+    # the second: whatever values and units there are
+    for wide, room in (page.evaluate(NEWEST), page.evaluate(WIDE)):
         assert 0 < wide <= room, "each figure with its unit"
     assert "of its usual torque" in page.inner_text("#leans")
 
