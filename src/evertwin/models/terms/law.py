@@ -65,6 +65,8 @@ class Law(CorrectionTerm):
     'v: gain 0.97, saturation at 0.16 m/s'
     >>> KIND.say(law, (0.0, 1.0, -0.05, 0.16), "m/s", {"offset": (-0.06, -0.04)})
     'v: start threshold 0.05 (0.04 to 0.06) m/s (lost of every command), saturation at 0.16 m/s'
+    >>> KIND.say(Term("law", "v"), (1.0, 0.002, UNBOUNDED), "m/s", {"offset": (-0.001, 0.005)})
+    'v: offset 0.002 (-0.001 to 0.005) m/s'
     """
 
     kind, variants = "law", ("", "dead zone", "clamp")
@@ -98,7 +100,9 @@ class Law(CorrectionTerm):
         said = []
         gain, offset, cap = values[-3:]
         capped = cap < UNBOUNDED
-        lost = abs(offset) > (5e-3 * cap if capped else 0.0) and not nothing("offset", intervals)
+        alone = gain == 1.0 and not (capped or term.variant)  # what it says is its offset, if any
+        lost = abs(offset) > (5e-3 * cap if capped else 0.0)
+        lost = lost and (alone or not nothing("offset", intervals))
         clamped = term.variant == "clamp" and values[0] > 0.0
         starts = -offset / gain if lost and gain > DEAF and not clamped else 0.0
         if term.variant and values[0] > max(starts, 0.0):

@@ -25,7 +25,7 @@ from evertwin.sources.live.opcua_spec import OpcuaSettings
 from evertwin.sources.live.registry import open_live
 from evertwin.sources.spec import ArraySpec, SourceSpec
 
-AGAIN = 0.5
+AGAIN = 3.0
 """Seconds after which what reads is told once more to end."""
 ENOUGH = 5
 """Samples that tell whether a map fits."""
