@@ -36,7 +36,7 @@ from evertwin.fold import make_block
 from evertwin.models import Parameter, Parameters
 from evertwin.models.mujoco import MuJoCo
 from evertwin.tuning import Problem, solve
-from evertwin.tuning.nonlinear import Settings, least_squares
+from evertwin.tuning.search.nonlinear import Settings, least_squares
 
 STEP, JOINTS = 0.002, 5
 DAMPING = np.array([1.2, 1.0, 0.7, 0.3, 0.2])

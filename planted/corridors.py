@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from evertwin.sources.scans import Lidar, Scans
+from evertwin.sources.columns.scans import Lidar, Scans
 
 ANGLES = np.radians(np.arange(-180, 180, 0.36))
 HALF, LONG = 1.0, 40.0

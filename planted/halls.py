@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.signals.planar import between
-from evertwin.sources.scans import Lidar, Scans
+from evertwin.sources.columns.scans import Lidar, Scans
 from planted.rooms import box, ranges
 
 LANE = 1.4

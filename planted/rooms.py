@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.signals.planar import between, compose
-from evertwin.sources.scans import Lidar, Scans
+from evertwin.sources.columns.scans import Lidar, Scans
 
 
 class Floor(NamedTuple):

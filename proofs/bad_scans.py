@@ -29,7 +29,7 @@ import numpy as np
 
 from evertwin.app.cli import main as evertwin
 from evertwin.signals.planar import between
-from evertwin.sources.scans import Scans
+from evertwin.sources.columns.scans import Scans
 from planted.rooms import Sensor, floor, ranges, recorded
 from proofs._verdict import ended
 from tests.sources.test_images import packed, plain, written

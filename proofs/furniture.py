@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from evertwin import Twin
-from evertwin.sources.scans import Lidar, Scans
+from evertwin.sources.columns.scans import Lidar, Scans
 from planted.furnished import Drive, driven, written
 from planted.halls import Sight, from_start
 from proofs._verdict import ended

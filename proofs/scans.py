@@ -35,7 +35,7 @@ from evertwin.features.scans.local_map import Known, placed
 from evertwin.features.scans.registration import REACH, beside
 from evertwin.signals.planar import between, chained
 from evertwin.sources import open_recording
-from evertwin.sources.scans import Scans
+from evertwin.sources.columns.scans import Scans
 from planted.rooms import Sensor, recorded
 from proofs._verdict import ended, no_data
 

@@ -31,7 +31,7 @@ import numpy as np
 
 from evertwin.features.tables.legs import View, gone_through
 from evertwin.models.mujoco import MuJoCo
-from evertwin.sources.scans import Scans
+from evertwin.sources.columns.scans import Scans
 from planted.halls import Sight, from_start, legs, recorded_hall
 from proofs._verdict import ended
 

@@ -13,7 +13,7 @@ from beartype import beartype
 from jaxtyping import Float64, TypeCheckError
 
 from evertwin.rows.ring import Ring
-from evertwin.tuning.shapes import shapes
+from evertwin.tuning.residuals.shapes import shapes
 from tools import compile_kernels
 
 ROOT = Path(__file__).parent.parent

@@ -12,7 +12,7 @@ from evertwin import Twin
 from evertwin.app.starting import write_starter
 from evertwin.machines.mobile import Differential
 from evertwin.sources import inspect
-from evertwin.sources.no_value import no_value
+from evertwin.sources.columns.no_value import no_value
 from planted.draws import first_of
 
 ROWS, STEP = 2000, 0.05

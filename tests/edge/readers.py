@@ -282,7 +282,7 @@ def _settings(path: Path) -> list[str]:
 
 
 def _history(path: Path) -> list[str]:
-    from evertwin.sources.small_table import read_table
+    from evertwin.sources.texts.small_table import read_table
 
     table = read_table(path)
     text = path.read_text("utf-8-sig")

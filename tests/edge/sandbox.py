@@ -180,7 +180,7 @@ def _serve() -> None:
     for name in (
         "evertwin.app.commands", "evertwin.app.engineering", "evertwin.app.exporting",
         "evertwin.app.prognosis", "evertwin.app.starting", "evertwin.machines.mobile.kernels",
-        "evertwin.sources.bags", "h5py", "mcap.reader", "pandas",
+        "evertwin.sources.robot_logs.bags", "h5py", "mcap.reader", "pandas",
         "pyarrow.parquet", "rosbags.highlevel", "scipy.io", "tomlkit", "tests.edge.readers",
     ):  # fmt: skip
         importlib.import_module(name)

@@ -15,7 +15,7 @@ from evertwin.features.images.detector import DATA, Detection, Detector, decoded
 from evertwin.features.images.labelled import NOTHING, read_labelled
 from evertwin.features.images.marks import Mark, average_precision, judged, read_marks
 from evertwin.sources import open_recording
-from evertwin.sources.images import BagImage, images_of
+from evertwin.sources.robot_logs.images import BagImage, images_of
 
 CLASSES = ("box", "table")
 

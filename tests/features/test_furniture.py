@@ -13,7 +13,7 @@ from evertwin.fold import Chunk, Event, Out
 from evertwin.fold.laws import join
 from evertwin.fold.state import copy, equal, load, save
 from evertwin.signals.planar import compose
-from evertwin.sources.scans import Lidar
+from evertwin.sources.columns.scans import Lidar
 from planted.halls import legs, met
 from planted.rooms import box, ranges
 

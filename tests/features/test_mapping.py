@@ -33,7 +33,7 @@ from evertwin.features.maps.trajectory_error import trajectory_error
 from evertwin.features.scans.local_map import seen
 from evertwin.features.scans.poses import Fix, Poses
 from evertwin.signals.planar import between
-from evertwin.sources.scans import Scans
+from evertwin.sources.columns.scans import Scans
 from planted.draws import first_of
 from planted.rooms import Sensor, box, ranges, recorded
 

@@ -15,7 +15,7 @@ from evertwin.features.placed import Placed
 from evertwin.fold import Chunk, Out
 from evertwin.fold.laws import join
 from evertwin.fold.state import copy, equal, load, save
-from evertwin.sources.scans import Scans
+from evertwin.sources.columns.scans import Scans
 from planted.rooms import Sensor, recorded
 
 SMALL = Sensor(beams=90, step=np.radians(2.0), apart=0.25)

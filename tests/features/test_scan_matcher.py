@@ -19,7 +19,7 @@ from evertwin.features.scans.scan_matcher import STANDING, ScanMatcher
 from evertwin.features.scans.surface import surface
 from evertwin.fold import check_online, equal, make_block, take
 from evertwin.signals.planar import between, compose
-from evertwin.sources.scans import Lidar, Scans
+from evertwin.sources.columns.scans import Lidar, Scans
 from planted.rooms import Sensor, box, floor, ranges, recorded
 from planted.rooms import drive as driven
 

@@ -13,7 +13,7 @@ from evertwin.app.cli import main
 from evertwin.features.maps.occupancy import read
 from evertwin.features.tables.legs import View
 from evertwin.features.tables.tables import Happened, Room, furnished
-from evertwin.sources.scans import Lidar
+from evertwin.sources.columns.scans import Lidar
 from planted.halls import legs, met
 from planted.rooms import box, ranges
 

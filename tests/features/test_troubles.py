@@ -13,7 +13,7 @@ from evertwin.features.maps.mapping import Mapped, mapped
 from evertwin.features.maps.troubles import troubles
 from evertwin.features.scans.poses import Fix
 from evertwin.signals.planar import between, chained, compose
-from evertwin.sources.scans import Lidar, Scans
+from evertwin.sources.columns.scans import Lidar, Scans
 from planted.draws import first_of
 from planted.rooms import Sensor, box, ranges, recorded
 

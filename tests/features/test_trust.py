@@ -13,7 +13,7 @@ from evertwin.features.scans.poses import Fix
 from evertwin.features.scans.trust import without_repeats
 from evertwin.features.scans.voting import outvoted
 from evertwin.signals.planar import between, compose
-from evertwin.sources.scans import Lidar, Scans, Track
+from evertwin.sources.columns.scans import Lidar, Scans, Track
 from planted.draws import first_of
 from planted.rooms import box, ranges
 

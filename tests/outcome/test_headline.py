@@ -19,9 +19,9 @@ from evertwin.outcome.open_faults import open_faults
 from evertwin.outcome.open_trial import OpenTrial
 from evertwin.outcome.result import OutputFigures
 from evertwin.signals.spoken import both, spoken
+from evertwin.sources.clocks.tally import Tally
+from evertwin.sources.columns.table import Problem
 from evertwin.sources.spec import ChannelSpec, SourceSpec
-from evertwin.sources.table import Problem
-from evertwin.sources.tally import Tally
 from evertwin.twin import Twin
 
 ROBOT = TwinSpec(

@@ -20,7 +20,7 @@ from evertwin.prognosis.limits import limit_of
 from evertwin.prognosis.lone_series import Series, life_of_series
 from evertwin.prognosis.observed_series import Observed, in_unit
 from evertwin.signals.units import si_unit
-from evertwin.sources.small_table import parse, read_table
+from evertwin.sources.texts.small_table import parse, read_table
 
 WEAR = IndicatorSpec("wear", component="gearbox1", unit="Nm", limit=9.0)
 PARTS = ("gearbox1", "motor")

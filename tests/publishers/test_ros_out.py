@@ -18,8 +18,8 @@ from evertwin.publishers.ros import RosOut
 from evertwin.publishers.ros_spec import RosOutSettings
 from evertwin.ros.spec import Place
 from evertwin.ros.topics import simulate
-from evertwin.sources.bag_files import messages
-from evertwin.sources.ros_messages import Decoder, flat
+from evertwin.sources.robot_logs.bag_files import messages
+from evertwin.sources.robot_logs.ros_messages import Decoder, flat
 from tests.sources.live.ros_peers import STATES, master, until
 from tests.sources.live.test_ros import children
 

@@ -13,7 +13,7 @@ from evertwin.config.spec import ModelSpec, PredictionSpec, Span
 from evertwin.fold import make_block, take
 from evertwin.sources.spec import ChannelSpec, SourceSpec, TimeSpec
 from evertwin.tuning import Problem
-from evertwin.tuning.before import later
+from evertwin.tuning.posing.before import later
 from evertwin.tuning.spec import TuningSpec
 from evertwin.types import ParameterVector, Vector
 from planted.draws import first_of

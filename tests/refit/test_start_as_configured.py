@@ -13,7 +13,7 @@ from evertwin.models import FunctionModel, Parameters
 from evertwin.models.translated import translated
 from evertwin.signals import Layout
 from evertwin.tuning import Problem, solve
-from evertwin.tuning.minima import lowest
+from evertwin.tuning.search.minima import lowest
 from planted.draws import first_of
 
 TRUE, START = np.array([20.0, 0.3, 10.0]), (8.0, 0.9, 4.0)

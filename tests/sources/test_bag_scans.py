@@ -17,8 +17,8 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from evertwin.errors import DataError, UsageError
 from evertwin.sources import inspect, open_recording
-from evertwin.sources.bag_scans import scans_of
-from evertwin.sources.scans import Scans
+from evertwin.sources.columns.scans import Scans
+from evertwin.sources.robot_logs.bag_scans import scans_of
 
 START, PERIOD, N, BEAMS = 1_614_859_007 * 10**9, 100_000_000, 12, 10
 TF = """geometry_msgs/TransformStamped[] transforms"""

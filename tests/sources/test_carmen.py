@@ -13,7 +13,7 @@ import pytest
 from evertwin.errors import DataError
 from evertwin.signals.planar import between, compose
 from evertwin.sources import inspect, open_recording, render
-from evertwin.sources.scans import Scans
+from evertwin.sources.columns.scans import Scans
 
 BEAMS, COUNT = 181, 40
 Stamp = Callable[[int], float]

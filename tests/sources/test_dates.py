@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from evertwin.errors import DataError
-from evertwin.sources.cells import Cell
+from evertwin.sources.columns.cells import Cell
 from evertwin.sources.info import inspect
 from evertwin.sources.recorded import Clock, Recorded
 

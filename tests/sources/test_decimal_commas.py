@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from evertwin.errors import DataError
-from evertwin.sources.dialect import FOUND, Stated
-from evertwin.sources.small_table import parse
-from evertwin.sources.text import TextTable
+from evertwin.sources.texts.dialect import FOUND, Stated
+from evertwin.sources.texts.small_table import parse
+from evertwin.sources.texts.text import TextTable
 
 QUOTED = 't,x\n"0","{}"\n"1","{}"\n"2","{}"\n'
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from evertwin.sources import inspect, open_recording
-from evertwin.sources.echoed import _MESSAGES, fitting, heading
+from evertwin.sources.texts.echoed import _MESSAGES, fitting, heading
 from evertwin.starter import kind_of, look
 
 N = 400

@@ -16,8 +16,9 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
 from evertwin.errors import DataError
-from evertwin.sources import Cell, Recorded, arrays, inspect, open_recording
-from evertwin.sources.bag_files import Cut, messages
+from evertwin.sources import Cell, Recorded, inspect, open_recording
+from evertwin.sources.numeric import arrays
+from evertwin.sources.robot_logs.bag_files import Cut, messages
 
 
 def npy(header: str, data: bytes = b"\0" * 800) -> bytes:

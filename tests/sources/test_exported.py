@@ -10,7 +10,7 @@ import pytest
 from evertwin.app.starting import write_starter
 from evertwin.config import read
 from evertwin.sources import inspect
-from evertwin.sources.cells import Cell
+from evertwin.sources.columns.cells import Cell
 from evertwin.sources.recorded import Clock, Recorded
 
 START = 1_716_799_999

@@ -19,7 +19,7 @@ from evertwin.signals import Layout
 from evertwin.signals.series import Series
 from evertwin.sources import Cell, Clock, Recorded, open_recording, write
 from evertwin.sources.foreign import load
-from evertwin.sources.small_table import read_table
+from evertwin.sources.texts.small_table import read_table
 from evertwin.sources.writers import WRITERS
 
 LAYOUT = Layout.of(v="m/s", w="rad/s")
@@ -204,7 +204,7 @@ def test_blocks_of_any_size_give_the_same(tmp_path: Path, monkeypatch: pytest.Mo
     whole = Recorded("run", (path,), cells)
     expected = np.concatenate([c.v for c in whole.read()])
     for size in (1, 7, 64, 1000):
-        monkeypatch.setattr("evertwin.sources.text.BLOCK", size)
+        monkeypatch.setattr("evertwin.sources.texts.text.BLOCK", size)
         cut = Recorded("run", (path,), cells)
         assert (np.concatenate([c.v for c in cut.read()]) == expected).all()
         assert cut.tally == whole.tally

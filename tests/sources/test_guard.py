@@ -8,8 +8,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evertwin.sources.guard import GAP, Guarded, Watch
-from evertwin.sources.stamps import NO_STAMP
+from evertwin.sources.clocks.guard import GAP, Guarded, Watch
+from evertwin.sources.clocks.stamps import NO_STAMP
 
 
 def run(t: np.ndarray, cuts: list[int]) -> Guarded:

@@ -20,7 +20,7 @@ from rosbags.typesys import Stores, get_typestore
 from evertwin.app.cli import main
 from evertwin.errors import DataError, UsageError
 from evertwin.sources import inspect, open_recording
-from evertwin.sources.images import BagImage, LostImage, images_of, pixels_of
+from evertwin.sources.robot_logs.images import BagImage, LostImage, images_of, pixels_of
 
 START, PERIOD = 1_614_859_007 * 10**9, 100_000_000
 PIXELS = np.random.default_rng(1).integers(0, 256, (6, 8, 3)).astype(np.uint8)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from evertwin.sources import inspect, render
-from evertwin.sources.statistics import ClockStatistics, ColumnStatistics, EvenSample
+from evertwin.sources.columns.statistics import ClockStatistics, ColumnStatistics, EvenSample
 
 RNG = np.random.default_rng(5)
 N = 3000
@@ -64,7 +64,7 @@ def test_as_text_and_as_json(spoilt: Path) -> None:
 
 def test_pieces_do_not_change_the_statistics(monkeypatch: pytest.MonkeyPatch, spoilt: Path) -> None:
     whole = inspect(spoilt)
-    monkeypatch.setattr("evertwin.sources.text.BLOCK", 3000)
+    monkeypatch.setattr("evertwin.sources.texts.text.BLOCK", 3000)
     cut = inspect(spoilt)
     a, b = whole.tables[0], cut.tables[0]
     assert a.time == b.time and a.problems == b.problems

@@ -10,7 +10,7 @@ import pytest
 
 from evertwin.errors import DataError
 from evertwin.sources import inspect, open_recording
-from evertwin.sources.cells import Cell
+from evertwin.sources.columns.cells import Cell
 from evertwin.sources.recorded import Clock, Recorded
 
 N = 240

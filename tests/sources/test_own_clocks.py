@@ -11,7 +11,7 @@ import pytest
 import scipy
 
 from evertwin.sources import Recording, open_recording
-from evertwin.sources.cells import Cell
+from evertwin.sources.columns.cells import Cell
 from evertwin.sources.recorded import Clock, Recorded
 from evertwin.starter import look, mapped
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from evertwin.sources.names import split_unit
-from evertwin.sources.text import TextTable
+from evertwin.sources.columns.names import split_unit
+from evertwin.sources.texts.text import TextTable
 
 
 @pytest.mark.parametrize(

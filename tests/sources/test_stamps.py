@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from evertwin.errors import DataError, UsageError
-from evertwin.sources.stamps import NO_STAMP, UNITS, to_ns, zones
-from evertwin.sources.time_unit import guess
+from evertwin.sources.clocks.stamps import NO_STAMP, UNITS, to_ns, zones
+from evertwin.sources.clocks.time_unit import guess
 
 ns = st.integers(-(2**62), 2**62)
 

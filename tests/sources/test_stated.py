@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from evertwin.errors import DataError, UsageError
-from evertwin.sources.cells import Cell
-from evertwin.sources.dialect import Stated
+from evertwin.sources.columns.cells import Cell
 from evertwin.sources.recorded import Clock, Recorded
+from evertwin.sources.texts.dialect import Stated
 
 
 def values(path: Path, stated: Stated, column: int = 1, kind: str = "auto") -> list[float]:

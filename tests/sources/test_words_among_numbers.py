@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from evertwin.errors import DataError
-from evertwin.sources.text import TextTable
+from evertwin.sources.texts.text import TextTable
 
 
 def table(folder: Path, words: dict[int, str], rows: int = 400) -> TextTable:

@@ -12,7 +12,7 @@ from evertwin.app.starting import write_starter
 from evertwin.config import read
 from evertwin.errors import ConfigError
 from evertwin.machines.mobile import Omni
-from evertwin.sources.cells import Cell
+from evertwin.sources.columns.cells import Cell
 from evertwin.sources.recorded import Recorded
 from planted.draws import first_of
 

@@ -15,7 +15,7 @@ from evertwin.machines.arm import Arm
 from evertwin.models import FunctionModel, Parameters
 from evertwin.signals import Layout
 from evertwin.tuning import ClosedForm, Problem, solve
-from evertwin.tuning.gram import (
+from evertwin.tuning.linear.gram import (
     combined,
     effects,
     inverted,

@@ -8,7 +8,7 @@ import numpy as np
 
 from evertwin import FunctionModel, Layout, Parameters, Twin, TwinSpec
 from evertwin.config import spec
-from evertwin.tuning.curvature import WHY
+from evertwin.tuning.intervals.curvature import WHY
 from planted.draws import first_of
 
 PLACE, STATES = Layout.of(z="m"), Layout.of(z="m", v="m/s")

@@ -12,7 +12,7 @@ from evertwin.fold import make_block
 from evertwin.models import Parameter
 from evertwin.models.translated import translated
 from evertwin.tuning import Fit, Problem, solve
-from evertwin.tuning.followed import missed
+from evertwin.tuning.intervals.followed import missed
 
 
 def line(rows: int, top: float = np.inf, noise: float = 0.0) -> Fit:

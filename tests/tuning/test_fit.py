@@ -12,11 +12,11 @@ from evertwin.fold import canonical, make_block
 from evertwin.models import Parameters
 from evertwin.signals import Layout
 from evertwin.tuning import Problem, solve
-from evertwin.tuning.autocorrelation import Correlation, effective
-from evertwin.tuning.classes import Classes
-from evertwin.tuning.classes_loop import classify
-from evertwin.tuning.statistics import autocorrelation, dependences, ljung_box, spread
-from evertwin.tuning.statistics_loop import (
+from evertwin.tuning.residuals.autocorrelation import Correlation, effective
+from evertwin.tuning.residuals.classes import Classes
+from evertwin.tuning.residuals.classes_loop import classify
+from evertwin.tuning.residuals.statistics import autocorrelation, dependences, ljung_box, spread
+from evertwin.tuning.residuals.statistics_loop import (
     analysed,
     overlapped,
     propagated,

@@ -10,7 +10,7 @@ import numpy as np
 
 from evertwin.fold import Block, copy, equal, take
 from evertwin.tuning import Following
-from evertwin.tuning.following_loop import learn
+from evertwin.tuning.stream.following_loop import learn
 
 P = np.array([3.0, 1.0, 2.0, 4.0, 0.02])
 BEAT = 50

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from evertwin.tuning.form_error import _apart, _best, _gains, _products
-from evertwin.tuning.form_rows import Asked, Shaped
+from evertwin.tuning.form.form_error import _apart, _best, _gains, _products
+from evertwin.tuning.form.form_rows import Asked, Shaped
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -9,7 +9,7 @@ import pytest
 
 from evertwin.fold import make_block
 from evertwin.tuning import Problem, advise, gate, solve
-from evertwin.tuning.sensitivity import Sensitivity
+from evertwin.tuning.linear.sensitivity import Sensitivity
 
 
 def speeds(n: int = 4000) -> Any:

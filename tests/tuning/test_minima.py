@@ -11,8 +11,8 @@ from evertwin import FunctionModel, Layout, Parameters, Twin, TwinSpec
 from evertwin.config import spec
 from evertwin.fold import make_block
 from evertwin.tuning import Problem
-from evertwin.tuning.minima import lowest
-from evertwin.tuning.nonlinear import least_squares
+from evertwin.tuning.search.minima import lowest
+from evertwin.tuning.search.nonlinear import least_squares
 from planted.draws import first_of
 
 

@@ -9,7 +9,7 @@ from scipy.signal import butter, sosfiltfilt
 from evertwin.fold import make_block
 from evertwin.machines.drive import DriveForce
 from evertwin.tuning import Fit, Problem, carried, solve
-from evertwin.tuning.noisy_inputs import white
+from evertwin.tuning.form.noisy_inputs import white
 
 SOS = butter(2, 0.1, output="sos")
 

@@ -10,8 +10,8 @@ from evertwin.models import Parameters
 from evertwin.models.translated import Translated
 from evertwin.signals import Layout
 from evertwin.tuning import solve
-from evertwin.tuning.noisy_starts import noisy, white
-from evertwin.tuning.problem import Problem
+from evertwin.tuning.intervals.noisy_starts import noisy, white
+from evertwin.tuning.posing.problem import Problem
 from evertwin.types import Bools
 
 GAIN, TIME = 1.0, 600.0

@@ -16,9 +16,9 @@ from evertwin.models import Compiled, FunctionModel, Parameter, Parameters
 from evertwin.models.batch import Batch
 from evertwin.signals import Channel, Layout
 from evertwin.tuning import Far, Problem, Settings, solve
-from evertwin.tuning.identifiability import connected
-from evertwin.tuning.nonlinear import least_squares
-from evertwin.tuning.valleys import bends
+from evertwin.tuning.intervals.identifiability import connected
+from evertwin.tuning.intervals.valleys import bends
+from evertwin.tuning.search.nonlinear import least_squares
 from planted.draws import first_of
 
 P = np.array([3.0, 2.0, 0.02])

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from evertwin.errors import UsageError
 from evertwin.fold import check_online, fold, make_block
 from evertwin.tuning import ClosedForm, Recursive
-from evertwin.tuning.recursive import RecursiveRows
-from evertwin.tuning.recursive_loop import learn, solve_information
+from evertwin.tuning.stream.recursive import RecursiveRows
+from evertwin.tuning.stream.recursive_loop import learn, solve_information
 
 P = np.array([3.0, 1.0, 2.0, 4.0, 0.02])
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from evertwin.errors import DataError, ModelError
-from evertwin.sources.small_table import read_table
+from evertwin.sources.texts.small_table import read_table
 from evertwin.worlds.camera import Lamp, Lens, Look, Material, View, shaded, traced
 from evertwin.worlds.eye import COLUMNS
 from evertwin.worlds.live.robot import LiveRobot

@@ -14,8 +14,8 @@ from evertwin.config import read
 from evertwin.errors import DataError
 from evertwin.report.scan_picture import MOST, draw_scans
 from evertwin.sources import open_recording
-from evertwin.sources.bag_scans import scans_of
-from evertwin.sources.ros_messages import flat
+from evertwin.sources.robot_logs.bag_scans import scans_of
+from evertwin.sources.robot_logs.ros_messages import flat
 from evertwin.worlds.live.recorder import main as record
 
 TWIN = Path(__file__).parents[2] / "twins" / "robot_ros.toml"

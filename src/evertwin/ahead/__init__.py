@@ -17,6 +17,6 @@ if TYPE_CHECKING:
     from evertwin.ahead.basis import Mode as Mode
     from evertwin.ahead.planned import Planned as Planned
     from evertwin.ahead.whatif import WhatIf as WhatIf
-    from evertwin.sources.small_table import read_table as read_table
+    from evertwin.sources.texts.small_table import read_table as read_table
 
 __getattr__ = surface(__name__)

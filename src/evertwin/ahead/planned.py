@@ -28,9 +28,9 @@ from evertwin.fold import Block
 from evertwin.rows.channels import is_held, recorded_as, unit_told
 from evertwin.signals import Channel, wrap
 from evertwin.signals.units import compatible, from_si, to_si
-from evertwin.sources.small_table import Table, read_table
+from evertwin.sources.clocks.stamps import seconds_of
 from evertwin.sources.spec import ChannelSpec
-from evertwin.sources.stamps import seconds_of
+from evertwin.sources.texts.small_table import Table, read_table
 from evertwin.types import Bools, Float64, Int64, Intervals, Outputs, Vector
 
 BEYOND = 0.05

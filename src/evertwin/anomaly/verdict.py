@@ -48,9 +48,9 @@ from evertwin.fold import plain
 from evertwin.models.kernel import CONTINUE
 from evertwin.signals.sizes import rms_of
 from evertwin.tuning import Dependence, Fit, Problem
-from evertwin.tuning.autocorrelation import Correlation
-from evertwin.tuning.classes import Classes
-from evertwin.tuning.statistics import depends
+from evertwin.tuning.residuals.autocorrelation import Correlation
+from evertwin.tuning.residuals.classes import Classes
+from evertwin.tuning.residuals.statistics import depends
 from evertwin.types import Float64, Inputs, Json, Outputs, PerOutput
 
 

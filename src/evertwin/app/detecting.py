@@ -17,8 +17,8 @@ from evertwin.features.images.detector import DATA, Detection, Detector
 from evertwin.features.images.labelled import NOTHING
 from evertwin.features.images.marks import EDGES, Mark, average_precision, judged, read_marks
 from evertwin.report.image_picture import Sheet
-from evertwin.sources.images import BagImage, Images, images_of
 from evertwin.sources.recording import open_recording
+from evertwin.sources.robot_logs.images import BagImage, Images, images_of
 
 LEAST = 0.02
 """Probability from which a detection counts in the average precision, which has no threshold."""

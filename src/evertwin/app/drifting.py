@@ -16,7 +16,7 @@ from evertwin.errors import DataError, UsageError
 from evertwin.features.images.confusion_drift import ConfusionDrift
 from evertwin.features.images.labelled import numbers_of, read_alone, with_others
 from evertwin.fold import Chunk, Event, plain
-from evertwin.sources.small_table import Table, parse, read_table
+from evertwin.sources.texts.small_table import Table, parse, read_table
 
 STDIN = "-"
 

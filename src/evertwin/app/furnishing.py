@@ -23,8 +23,8 @@ from evertwin.models.table_bodies import Plate, bodies
 from evertwin.report.table_picture import draw_tables
 from evertwin.signals import unwrapped
 from evertwin.signals.planar import compose
-from evertwin.sources.scans import Scans
-from evertwin.sources.small_table import read_table
+from evertwin.sources.columns.scans import Scans
+from evertwin.sources.texts.small_table import read_table
 from evertwin.types import Float64
 
 KEYFRAME = 0.3

@@ -13,10 +13,10 @@ from evertwin.config import TwinSpec, read
 from evertwin.errors import DataError, UsageError
 from evertwin.fold import plain
 from evertwin.signals.units import conversion_of
-from evertwin.sources.bag_scans import scans_of
 from evertwin.sources.info import inspect
 from evertwin.sources.info_text import render
 from evertwin.sources.recording import open_recording
+from evertwin.sources.robot_logs.bag_scans import scans_of
 from evertwin.sources.spec import SourceSpec
 
 

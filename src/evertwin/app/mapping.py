@@ -21,9 +21,9 @@ from evertwin.features.scans.slips import Slip, slips
 from evertwin.report.map_picture import draw_map
 from evertwin.signals import unwrapped
 from evertwin.signals.planar import wrapped
-from evertwin.sources.bag_scans import scans_of
+from evertwin.sources.columns.scans import Lidar, Scans
 from evertwin.sources.recording import open_recording
-from evertwin.sources.scans import Lidar, Scans
+from evertwin.sources.robot_logs.bag_scans import scans_of
 
 COLUMNS = (
     "t_ns", "x", "y", "theta", "var_x", "cov_xy", "cov_xtheta", "var_y", "cov_ytheta", "var_theta",

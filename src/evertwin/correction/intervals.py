@@ -45,7 +45,7 @@ import scipy
 from evertwin.correction.evidence import Evidence
 from evertwin.models import Model
 from evertwin.models.corrected import Corrected
-from evertwin.tuning.identifiability import grade
+from evertwin.tuning.intervals.identifiability import grade
 from evertwin.types import Float64, ParameterVector, Vector
 
 Residual = Float64[np.ndarray, "m ny"]

@@ -13,7 +13,7 @@ from evertwin.fold import Block, Event, Mark, take
 from evertwin.gauges.unlike import changes
 from evertwin.signals import wrap
 from evertwin.signals.spoken import spoken
-from evertwin.sources.tally import Tally
+from evertwin.sources.clocks.tally import Tally
 from evertwin.sync.horizon import residuals
 
 LOST = 0.05

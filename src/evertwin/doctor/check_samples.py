@@ -17,7 +17,7 @@ from evertwin.doctor.examination import Samples, View
 from evertwin.doctor.finding import Finding
 from evertwin.rows.channels import is_held, recorded_as
 from evertwin.signals import from_si
-from evertwin.sources.no_value import no_value
+from evertwin.sources.columns.no_value import no_value
 
 STEPS = 3
 """A jump of so many steps of a channel would not have stood still before, had it been sampled."""

@@ -31,10 +31,10 @@ from evertwin.models.form import Version
 from evertwin.refit.correcting import sarsa_settings
 from evertwin.refit.work import Work
 from evertwin.setup.setup import Setup
-from evertwin.sources.names import listed
+from evertwin.sources.columns.names import listed
 from evertwin.tuning import Fit, Problem, solve
-from evertwin.tuning.advice import advise
-from evertwin.tuning.identifiability import connected
+from evertwin.tuning.intervals.advice import advise
+from evertwin.tuning.intervals.identifiability import connected
 from evertwin.types import Vector
 
 LITTLE = 0.1

@@ -21,7 +21,7 @@ from evertwin.models.function import FunctionModel, kernel_of
 from evertwin.models.translated import Translated
 from evertwin.rows.feed import Data, Feed
 from evertwin.setup.setup import Setup
-from evertwin.sources.tally import Tally
+from evertwin.sources.clocks.tally import Tally
 
 MOST = 20_000
 """Rows that are tuned and compared on."""

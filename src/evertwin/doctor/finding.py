@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from evertwin.fold import plain
-from evertwin.sources.names import listed
+from evertwin.sources.columns.names import listed
 from evertwin.types import Json
 
 RANKS = (

@@ -45,7 +45,7 @@ import numpy as np
 from evertwin.engineering.breakdown import Breakdown, Place
 from evertwin.engineering.parts import Component, Role
 from evertwin.errors import ConfigError, DataError, nearest
-from evertwin.sources.small_table import read_table
+from evertwin.sources.texts.small_table import read_table
 from evertwin.types import Vector
 
 YEAR = 365.25 * 86400.0

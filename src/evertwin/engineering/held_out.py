@@ -25,7 +25,7 @@ import numpy as np
 
 from evertwin.fold import plain
 from evertwin.signals.sizes import rms_of, size
-from evertwin.tuning.statistics import autocorrelation, dependences, ljung_box
+from evertwin.tuning.residuals.statistics import autocorrelation, dependences, ljung_box
 from evertwin.types import Inputs, Json, Outputs, Vector
 
 WHITE = 0.01

@@ -3,7 +3,7 @@
 A parameter is seen by a signal where changing it changes the signal. It is mapped **directly**
 where the signal is the parameter itself, and **indirectly, through physics**, where it is one of
 several things that make the signal. What changes no signal cannot be observed, and what acts only
-together with others cannot be told from them (`evertwin.tuning.identifiability`).
+together with others cannot be told from them (`evertwin.tuning.intervals.identifiability`).
 
 A **virtual sensor** is a quantity inside a component that the model computes from what is measured:
 here, the part of a signal that a component makes.

@@ -40,7 +40,7 @@ import numpy as np
 from evertwin.errors import ModelError, needs
 from evertwin.fold.block import first
 from evertwin.tuning import Problem
-from evertwin.tuning.unseen import on
+from evertwin.tuning.form.unseen import on
 from evertwin.types import Float64, Vector
 
 Samples: TypeAlias = Float64[np.ndarray, "s k"]

@@ -44,7 +44,7 @@ from evertwin.engineering.weights import Measured, Weighed, measure, weigh
 from evertwin.errors import ConfigError
 from evertwin.fold import plain
 from evertwin.tuning import Fit, Problem, solve
-from evertwin.tuning.assemble import squares
+from evertwin.tuning.intervals.assemble import squares
 from evertwin.types import Json
 
 

@@ -42,7 +42,7 @@ from evertwin.rows.feed import Data, Feed
 from evertwin.setup.evaluation import Prediction, predict
 from evertwin.setup.setup import Setup
 from evertwin.setup.windows import starts
-from evertwin.tuning.hidden_starts import begun
+from evertwin.tuning.posing.hidden_starts import begun
 from evertwin.types import Inputs, Intervals, Json, Outputs, ParameterVector, StateVector
 
 ROWS = 200

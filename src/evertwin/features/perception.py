@@ -7,7 +7,7 @@ recorded or live, in whatever pieces, the poses are the same bit for bit. A pose
 scan tells it; else its numbers are NaN, which makes the row's outputs absent: the wheels alone are
 no measurement of the place. What was lost, found, missing or unheard is told as an event.
 
->>> from evertwin.sources.scans import Lidar
+>>> from evertwin.sources.columns.scans import Lidar
 >>> lidar = Lidar.ahead(120, np.radians(2.0), 30.0)
 >>> wall = 2.0 / np.abs(np.cos(lidar.angles(120) / 1.5)) + 0.2 * np.cos(3 * lidar.angles(120))
 >>> stage = Perception("scan", lidar, 120)
@@ -36,7 +36,7 @@ from evertwin.features.tables.furniture import FURNISHED, UNKNOWN, Furnishing, F
 from evertwin.features.tables.legs import View
 from evertwin.fold import Chunk, Out, make_block
 from evertwin.signals.planar import compose, wrapped
-from evertwin.sources.scans import Lidar
+from evertwin.sources.columns.scans import Lidar
 from evertwin.types import Float64, Int64, Vector
 
 WAITING = 32

@@ -14,7 +14,7 @@ from evertwin.settings.kinds import Duration, Seconds
 from evertwin.settings.notes import Late, Quantity
 from evertwin.settings.section import Section
 from evertwin.signals.units import compatible
-from evertwin.sources.scans import Lidar
+from evertwin.sources.columns.scans import Lidar
 
 Meters: TypeAlias = Annotated[float, Quantity("m", difference=True), Ge(-1e3), Le(1e3)]
 Length: TypeAlias = Annotated[float, Quantity("m", difference=True), Gt(0.0)]

@@ -22,7 +22,7 @@ from evertwin.gauges.gauge_rows import residual, unchanged
 from evertwin.gauges.sensor_change import unmeasured
 from evertwin.gauges.settled import settled
 from evertwin.tuning import Fit, Problem
-from evertwin.tuning.recordings import beginning
+from evertwin.tuning.posing.recordings import beginning
 from evertwin.types import Inputs, Outputs, PerOutput, Vector
 
 BLOCKS, ROWS = 384, 10

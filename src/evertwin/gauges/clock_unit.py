@@ -19,7 +19,7 @@ from evertwin.gauges.sensor_change import SensorChange
 from evertwin.gauges.unlike import Changes, changes
 from evertwin.models import Model
 from evertwin.setup.setup import Setup
-from evertwin.sources.stamps import LONG, UNITS, seconds_of
+from evertwin.sources.clocks.stamps import LONG, UNITS, seconds_of
 from evertwin.types import ParameterVector
 
 LAST = 2.0**62

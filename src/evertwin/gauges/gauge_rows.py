@@ -18,7 +18,7 @@ from evertwin.rows.ring import called
 from evertwin.setup.setup import Setup
 from evertwin.signals.units import conversion_of
 from evertwin.tuning import Fit, Problem
-from evertwin.tuning.closed import Reduced
+from evertwin.tuning.linear.closed import Reduced
 from evertwin.types import Bools, Float64, Outputs, Vector
 
 LEAST = 30

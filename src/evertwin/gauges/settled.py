@@ -8,8 +8,8 @@ import numpy as np
 
 from evertwin.models.corrected import Corrected
 from evertwin.tuning import Fit, Problem, solve, told_apart
-from evertwin.tuning.collinear import leaning_on
-from evertwin.tuning.identifiability import WEAK
+from evertwin.tuning.form.collinear import leaning_on
+from evertwin.tuning.intervals.identifiability import WEAK
 
 NOT_TOLD = "no row tells them"
 THE_SAME = "what stands for them tells the same"

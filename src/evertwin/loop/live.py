@@ -52,7 +52,7 @@ from evertwin.rows.samples import Numbered
 from evertwin.rows.samples import Samples as Kept
 from evertwin.setup.setup import Setup
 from evertwin.setup.twin_state import Saved, TwinState
-from evertwin.sources.in_memory import Frame
+from evertwin.sources.numeric.in_memory import Frame
 from evertwin.store import Checkpoint
 from evertwin.sync import Feed
 

@@ -16,7 +16,7 @@ from evertwin.models.corrected import Corrected, build
 from evertwin.models.form import Version
 from evertwin.outcome.open_trial import shorter
 from evertwin.setup.setup import Setup
-from evertwin.tuning.recordings import initials
+from evertwin.tuning.posing.recordings import initials
 
 FEW = 3
 """Numbers that are told one by one."""

@@ -30,7 +30,7 @@ from evertwin.outcome.unperceived import unperceived
 from evertwin.rows.ring import called
 from evertwin.setup.setup import Setup
 from evertwin.signals.spoken import both, share, spoken
-from evertwin.sources.tally import Tally
+from evertwin.sources.clocks.tally import Tally
 
 FEW = 3
 """Outputs that are named one by one."""

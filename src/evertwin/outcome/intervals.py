@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from evertwin.tuning.autocorrelation import Correlation, effective
+from evertwin.tuning.residuals.autocorrelation import Correlation, effective
 from evertwin.types import Float64
 
 NORMAL = 1.959964

@@ -26,7 +26,7 @@ from evertwin.outcome.shell import Shell
 from evertwin.outcome.spells import Spell
 from evertwin.outcome.summed_up import Several, summed_up
 from evertwin.signals.spoken import MANY, both, percent, share, suited
-from evertwin.sources.tally import Tally
+from evertwin.sources.clocks.tally import Tally
 from evertwin.types import Json
 
 if TYPE_CHECKING:

@@ -21,7 +21,7 @@ from evertwin.errors import DataError
 from evertwin.prognosis.headings import dated
 from evertwin.prognosis.laws import Indicator
 from evertwin.prognosis.laws.calendar import UNITS, Calendar
-from evertwin.sources.small_table import Table
+from evertwin.sources.texts.small_table import Table
 from evertwin.types import Vector
 
 FAR = 300.0

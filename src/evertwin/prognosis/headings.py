@@ -11,8 +11,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from evertwin.sources.names import split_unit
-from evertwin.sources.small_table import Table
+from evertwin.sources.columns.names import split_unit
+from evertwin.sources.texts.small_table import Table
 
 COUNTS = ("index", "row", "n", "number")
 """Columns that count rows."""

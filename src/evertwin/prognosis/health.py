@@ -28,7 +28,7 @@ from evertwin.prognosis.laws.indicator import divided
 from evertwin.prognosis.observed_series import Observed, component_of, in_unit, marks_of, warm_of
 from evertwin.prognosis.parameter_history import History
 from evertwin.signals.units import compatible, from_si
-from evertwin.sources.small_table import Table, read_table
+from evertwin.sources.texts.small_table import Table, read_table
 from evertwin.types import Vector
 
 SEVERAL = 3

@@ -4,7 +4,7 @@ What can be read in one way only is read, with a note where that may surprise: r
 order, a row that stands there twice, rows without a count. What can be read in two ways is refused
 with its row: two values for one moment, a standard deviation that is none, a unit of another kind.
 
->>> from evertwin.sources.small_table import parse
+>>> from evertwin.sources.texts.small_table import parse
 >>> table = parse(["run,wear,maintenance", "2,1.2,", "1,1.1,", "3,0.1,pump: replaced"], "h.csv")
 >>> known = of_table(IndicatorSpec("wear", component="pump", limit=3.0), table, "run")
 >>> known.value.tolist(), known.maintenance[0].at, known.notes
@@ -15,7 +15,7 @@ parted by ``;``. Without a name it holds for the component that it mentions, and
 mentions none. Only what begins a new life (replaced, new) or shifts the level (adjusted) may stand
 there, so that no word is taken for what it is not.
 
->>> from evertwin.sources.small_table import parse
+>>> from evertwin.sources.texts.small_table import parse
 >>> table = parse(["run,maintenance", "1,", "2,pump: seal replaced"], "h.csv")
 >>> maintenance_of(table, "pump", table.column("run"), {"pump", "motor"})[0]
 (Maintenance(at=2.0, kind='replaced', note='seal replaced'),)
@@ -46,7 +46,7 @@ from evertwin.prognosis.laws.calendar import FIRST, LAST, UNITS, Calendar
 from evertwin.prognosis.observed_series import Observed, component_of, marks_of, warm_of
 from evertwin.signals.channels import position
 from evertwin.signals.units import compatible, conversion, from_si
-from evertwin.sources.small_table import ABSENT, Table
+from evertwin.sources.texts.small_table import ABSENT, Table
 from evertwin.types import Vector
 
 Kind = Literal["replaced", "adjusted", "failed"]

@@ -23,7 +23,7 @@ from evertwin.prognosis.history_file import counted_by
 from evertwin.prognosis.laws import Fleet, Indicator, Limit, Maintenance, learn
 from evertwin.prognosis.parameter_history import History, history
 from evertwin.prognosis.value_columns import value_columns
-from evertwin.sources.small_table import Table, read_table
+from evertwin.sources.texts.small_table import Table, read_table
 from evertwin.store import SqliteStore
 
 FLEETS = 8

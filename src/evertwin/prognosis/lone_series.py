@@ -50,8 +50,8 @@ from evertwin.prognosis.steps import back_of, check_steps, shift_of
 from evertwin.prognosis.value_columns import CLOCKS, value_columns
 from evertwin.settings.quantity import written
 from evertwin.signals.units import compatible, from_si, to_si
-from evertwin.sources.names import split_unit
-from evertwin.sources.small_table import Table, read_table
+from evertwin.sources.columns.names import split_unit
+from evertwin.sources.texts.small_table import Table, read_table
 from evertwin.starter.looks.words import said_unit
 from evertwin.types import Vector
 

@@ -52,7 +52,7 @@ from evertwin.prognosis.steps import check_steps
 from evertwin.prognosis.workplan import Plan, past_cycles, plan_of, wears, workload
 from evertwin.rows.feed import Data
 from evertwin.signals.units import from_si, to_si
-from evertwin.sources.small_table import Table
+from evertwin.sources.texts.small_table import Table
 
 UNKEPT = (
     "the twin file names no store, so that no run is remembered: set [store] path, run the twin, "

@@ -19,7 +19,7 @@ from evertwin.prognosis.headings import (
     spanning,
 )
 from evertwin.prognosis.history_file import TIMES
-from evertwin.sources.small_table import Table
+from evertwin.sources.texts.small_table import Table
 from evertwin.types import Vector
 
 CLOCKS = ("run", "cycle", "s", "h", "d")

@@ -24,7 +24,7 @@ from evertwin.errors import DataError
 from evertwin.features.maps.cost_map import UNSEEN, read_costs
 from evertwin.features.maps.occupancy import OCCUPIED, UNKNOWN, Occupancy, read
 from evertwin.publishers.ros_content import Content, header, pose
-from evertwin.sources.small_table import read_table
+from evertwin.sources.texts.small_table import read_table
 
 CUBE, TEXT, DELETE_ALL = 1, 9, 3
 """Kinds of markers, and what takes all away."""

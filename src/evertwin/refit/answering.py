@@ -10,7 +10,7 @@ from evertwin.gauges.sensor_change import SensorChange
 from evertwin.ledger.caveats import in_doubt_of
 from evertwin.rows.ring import called
 from evertwin.tuning import Fit, Problem
-from evertwin.tuning.recordings import beginning
+from evertwin.tuning.posing.recordings import beginning
 
 
 def event(kind: str, signal: str, reason: str, evidence: Mapping[str, Any]) -> dict[str, Any]:

@@ -15,7 +15,7 @@ import numpy as np
 
 from evertwin.signals.spoken import number
 from evertwin.tuning import Fit, Problem
-from evertwin.tuning.fit import Amend
+from evertwin.tuning.intervals.fit import Amend
 
 Together: TypeAlias = Callable[[tuple[str, ...]], Fit]
 

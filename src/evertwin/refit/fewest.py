@@ -23,7 +23,7 @@ from evertwin.setup.setup import Setup
 from evertwin.signals.sizes import mean_square, rms
 from evertwin.signals.units import compatible
 from evertwin.tuning import Fit, Problem
-from evertwin.tuning.recordings import beginning
+from evertwin.tuning.posing.recordings import beginning
 from evertwin.types import Vector
 
 Tune: TypeAlias = Callable[[Problem], tuple[Problem, Fit, dict[str, Any]]]

@@ -25,7 +25,7 @@ from evertwin.models.failures import Failed
 from evertwin.models.form import Form, Size
 from evertwin.setup.evaluation import Deviation
 from evertwin.signals.spoken import number, percent
-from evertwin.sources.tally import Tally
+from evertwin.sources.clocks.tally import Tally
 from evertwin.tuning import Fit
 from evertwin.types import Json
 

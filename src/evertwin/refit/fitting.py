@@ -54,12 +54,12 @@ from evertwin.tuning import (
     started,
     told_apart,
 )
-from evertwin.tuning.curvature import unbent
-from evertwin.tuning.hidden_starts import begun
-from evertwin.tuning.interrupt import Interrupt
+from evertwin.tuning.form.step_length import stepped
+from evertwin.tuning.intervals.curvature import unbent
 from evertwin.tuning.least_trimmed import trimmed
-from evertwin.tuning.minima import lowest
-from evertwin.tuning.step_length import stepped
+from evertwin.tuning.posing.hidden_starts import begun
+from evertwin.tuning.search.interrupt import Interrupt
+from evertwin.tuning.search.minima import lowest
 from evertwin.tuning.tangent import leaning, searched, told
 from evertwin.types import ParameterVector
 

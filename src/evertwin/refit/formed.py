@@ -14,7 +14,7 @@ from evertwin.refit.work import Work
 from evertwin.refit.workers import formed as formed_far
 from evertwin.setup.setup import Setup
 from evertwin.tuning import Fit, Problem, own_names
-from evertwin.tuning.hidden_starts import own_starts
+from evertwin.tuning.posing.hidden_starts import own_starts
 
 
 @dataclass(frozen=True)

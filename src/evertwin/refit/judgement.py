@@ -18,7 +18,7 @@ from evertwin.setup.evaluation import falls_short, rms_asked
 from evertwin.setup.setup import Setup
 from evertwin.setup.task import Task
 from evertwin.tuning import Fit, Problem, solve
-from evertwin.tuning.recordings import beginning
+from evertwin.tuning.posing.recordings import beginning
 
 NEARLY_ALL = 0.9
 """Part of the deviation from which on tuned numbers are tried before another form is looked for."""

@@ -15,7 +15,7 @@ from evertwin.setup.evaluation import falls_short
 from evertwin.setup.setup import Setup
 from evertwin.setup.task import Task
 from evertwin.tuning import Problem
-from evertwin.tuning.recordings import beginning
+from evertwin.tuning.posing.recordings import beginning
 
 if TYPE_CHECKING:
     from evertwin.refit.work import Work

@@ -18,7 +18,7 @@ from evertwin.fold import Windows, take
 from evertwin.gauges.change import split, swings_alike
 from evertwin.refit.fewest import Tune
 from evertwin.tuning import Fit, Problem
-from evertwin.tuning.recordings import beginning
+from evertwin.tuning.posing.recordings import beginning
 from evertwin.types import Bools, Vector
 
 CLEARLY = 0.3

@@ -24,7 +24,7 @@ from evertwin.models import Model, Parameters
 from evertwin.setup.friction_law import Laddered
 from evertwin.signals.units import compatible
 from evertwin.tuning import Fit, Problem
-from evertwin.tuning.fit import Amend
+from evertwin.tuning.intervals.fit import Amend
 from evertwin.types import ParameterVector
 
 PASSIVE = ("kg", "kg*m^2", "N*s/m", "N*m*s", "J/K", "W/K", "ohm", "s")

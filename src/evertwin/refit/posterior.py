@@ -19,7 +19,7 @@ from evertwin.models import Model
 from evertwin.models.corrected import Corrected
 from evertwin.setup.setup import Setup
 from evertwin.tuning import Problem
-from evertwin.tuning.assemble import Outcome, assemble
+from evertwin.tuning.intervals.assemble import Outcome, assemble
 
 
 def posterior(

@@ -22,9 +22,9 @@ from evertwin.refit.simplest import law_now
 from evertwin.rows.ring import called
 from evertwin.setup.task import Task
 from evertwin.tuning import Fit, Problem
-from evertwin.tuning.curvature import unbent
-from evertwin.tuning.recordings import beginning
-from evertwin.tuning.step_length import stepped
+from evertwin.tuning.form.step_length import stepped
+from evertwin.tuning.intervals.curvature import unbent
+from evertwin.tuning.posing.recordings import beginning
 
 if TYPE_CHECKING:
     from evertwin.refit.work import Work

@@ -31,7 +31,7 @@ from evertwin.refit.whole_fits import few, sought
 from evertwin.refit.work import Work
 from evertwin.setup.setup import Setup
 from evertwin.tuning import Fit, Problem, initials, solve
-from evertwin.tuning.hidden_starts import own_starts
+from evertwin.tuning.posing.hidden_starts import own_starts
 from evertwin.types import ParameterVector, Vector
 
 GAIN = 0.05

@@ -7,7 +7,7 @@ from collections.abc import Container
 from typing import NamedTuple
 
 from evertwin.tuning import Fit
-from evertwin.tuning.fit import Amend
+from evertwin.tuning.intervals.fit import Amend
 
 REFUTED = "no more is told of it than that it is not as before"
 

@@ -29,11 +29,11 @@ from evertwin.setup.setup import Setup
 from evertwin.setup.task import Task
 from evertwin.signals.sizes import rms
 from evertwin.tuning import Fit, Iteration, Problem, Schedule, Settings, own_names
-from evertwin.tuning.curvature import unbent
-from evertwin.tuning.hidden_starts import kept_near, own_starts
-from evertwin.tuning.minima import lowest
-from evertwin.tuning.recordings import initials
-from evertwin.tuning.step_length import stepped
+from evertwin.tuning.form.step_length import stepped
+from evertwin.tuning.intervals.curvature import unbent
+from evertwin.tuning.posing.hidden_starts import kept_near, own_starts
+from evertwin.tuning.posing.recordings import initials
+from evertwin.tuning.search.minima import lowest
 from evertwin.types import Vector
 
 FIRST = (1.0, 0.5, 0.25, 0.125)

@@ -29,10 +29,10 @@ from evertwin.refit.work import Work
 from evertwin.setup.setup import Setup
 from evertwin.signals.sizes import rms
 from evertwin.tuning import Problem
-from evertwin.tuning.minima import lowest
-from evertwin.tuning.nonlinear import least_squares
-from evertwin.tuning.recordings import beginning
-from evertwin.tuning.unseen import on
+from evertwin.tuning.form.unseen import on
+from evertwin.tuning.posing.recordings import beginning
+from evertwin.tuning.search.minima import lowest
+from evertwin.tuning.search.nonlinear import least_squares
 from evertwin.types import Bools, Float64, PerOutput, Vector
 
 PIECES, FOLDS = 6, 3

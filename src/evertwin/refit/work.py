@@ -57,9 +57,9 @@ from evertwin.setup.friction_law import acting
 from evertwin.setup.task import Task
 from evertwin.trial import admit
 from evertwin.tuning import Fit, Problem
-from evertwin.tuning.before import later
-from evertwin.tuning.hidden_starts import own_starts
-from evertwin.tuning.recordings import beginning
+from evertwin.tuning.posing.before import later
+from evertwin.tuning.posing.hidden_starts import own_starts
+from evertwin.tuning.posing.recordings import beginning
 from evertwin.types import Json
 
 MUCH = 0.3

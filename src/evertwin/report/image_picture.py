@@ -16,7 +16,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from evertwin.sources.images import BagImage
+from evertwin.sources.robot_logs.images import BagImage
 
 Corners = tuple[float, float, float, float]
 SEEN, KNOWN = "#D55E00", "#009E73"

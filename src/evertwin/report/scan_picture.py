@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from evertwin.sources.scans import Scans
+from evertwin.sources.columns.scans import Scans
 
 MOST = 6
 """Scans that are drawn, evenly chosen."""

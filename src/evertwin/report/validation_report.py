@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from evertwin.engineering.validation import Validation
 from evertwin.report.charts import inline
 from evertwin.report.html import write_page
-from evertwin.tuning.statistics import autocorrelation
+from evertwin.tuning.residuals.statistics import autocorrelation
 
 MOST = 8
 """Outputs that are drawn."""

@@ -37,7 +37,7 @@ from evertwin.rows.perceiving import Perceiving, with_pose
 from evertwin.rows.smoothing import low_pass
 from evertwin.signals import Channel, Layout
 from evertwin.signals.units import compatible
-from evertwin.sources.scans import Lidar
+from evertwin.sources.columns.scans import Lidar
 from evertwin.sync import Align, AlignState, Feed, Rows
 from evertwin.sync.align import TICK
 from evertwin.sync.derive import Derive, DeriveState, Operation, Taken

@@ -19,11 +19,11 @@ from evertwin.errors import DataError
 from evertwin.fold import Chunk
 from evertwin.models import Model
 from evertwin.rows.given import Given, tabled
-from evertwin.sources.cells import InSi
-from evertwin.sources.exported import computed
+from evertwin.sources.clocks.exported import computed
+from evertwin.sources.clocks.stamps import NO_STAMP, is_decimal, to_ns
+from evertwin.sources.clocks.tally import order_of_rows
+from evertwin.sources.columns.cells import InSi
 from evertwin.sources.recorded import Recorded
-from evertwin.sources.stamps import NO_STAMP, is_decimal, to_ns
-from evertwin.sources.tally import order_of_rows
 from evertwin.sync import Feed
 
 PLAIN = frozenset((float, np.float64, int))

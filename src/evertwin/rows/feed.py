@@ -24,12 +24,12 @@ from evertwin.rows.alignment import Alignment
 from evertwin.rows.crop import cropped
 from evertwin.rows.given import COLUMNS, Given, given, unknown
 from evertwin.rows.time_scale import doubt, would_fit
-from evertwin.sources.in_memory import Frame, in_memory
+from evertwin.sources.clocks.tally import Tally
+from evertwin.sources.columns.scans import Lidar
 from evertwin.sources.merging import MOST, Excerpt, each_once, merge
+from evertwin.sources.numeric.in_memory import Frame, in_memory
 from evertwin.sources.recorded import Recorded
 from evertwin.sources.recorded_scans import RecordedScans
-from evertwin.sources.scans import Lidar
-from evertwin.sources.tally import Tally
 from evertwin.sync import Feed as Brings
 
 Data: TypeAlias = (

@@ -28,12 +28,12 @@ from evertwin.models import Model
 from evertwin.rows.alignment import recorded_for
 from evertwin.rows.channels import recorded_as
 from evertwin.signals.units import conversion_of
-from evertwin.sources.dates import ORDERS
-from evertwin.sources.in_memory import InMemory, in_memory
+from evertwin.sources.clocks.dates import ORDERS
+from evertwin.sources.clocks.stamps import UNITS
+from evertwin.sources.clocks.time_unit import EPOCH, guess
+from evertwin.sources.columns.table import Column, Recording, Table
+from evertwin.sources.numeric.in_memory import InMemory, in_memory
 from evertwin.sources.spec import ChannelSpec, SourceSpec, TimeSpec
-from evertwin.sources.stamps import UNITS
-from evertwin.sources.table import Column, Recording, Table
-from evertwin.sources.time_unit import EPOCH, guess
 
 COLUMNS = "columns"
 """Name of the source of columns that were given by name."""

@@ -27,7 +27,7 @@ from evertwin.features.perception import Perception, PerceptionState
 from evertwin.features.placed import Placed
 from evertwin.fold import Chunk, Event, Out
 from evertwin.signals.units import conversion_of
-from evertwin.sources.scans import Lidar
+from evertwin.sources.columns.scans import Lidar
 from evertwin.sync import Feed
 
 DRIVES = "drives "

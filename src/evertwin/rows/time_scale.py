@@ -20,7 +20,7 @@ import math
 import numpy as np
 
 from evertwin.models import Model
-from evertwin.sources.stamps import UNITS, seconds_of
+from evertwin.sources.clocks.stamps import UNITS, seconds_of
 
 FORGOTTEN = 5.0
 """Time constants after which a state has forgotten where it was."""

@@ -22,7 +22,7 @@ from evertwin.signals.sizes import rms, size
 from evertwin.signals.spoken import in_recorded
 from evertwin.sync.horizon import residuals, restarts
 from evertwin.tuning import Fit, Problem
-from evertwin.tuning.before import begins
+from evertwin.tuning.posing.before import begins
 from evertwin.types import Float64, Json, Outputs, ParameterVector, PerOutput, StateVector, Vector
 
 ENDS = 4

@@ -24,9 +24,9 @@ from evertwin.models import Model
 from evertwin.setup.setup import Setup
 from evertwin.setup.windows import apart
 from evertwin.tuning import Fit, Problem
+from evertwin.tuning.form.unseen import held_out, on
 from evertwin.tuning.tangent import Inside, searched
 from evertwin.tuning.terms import GAIN, climb_terms, folded
-from evertwin.tuning.unseen import held_out, on
 from evertwin.types import PerOutput
 
 ENOUGH = 1000

@@ -13,8 +13,11 @@ from pathlib import Path
 import numpy as np
 
 from evertwin.errors import DataError
-from evertwin.sources.bag_scans import BAGS, scans_of
-from evertwin.sources.description import (
+from evertwin.sources.clocks.guard import Guarded, Watch, typical
+from evertwin.sources.clocks.stamps import NO_STAMP, StampError, past_midnight, to_ns
+from evertwin.sources.clocks.tally import Tally, order_of_rows
+from evertwin.sources.clocks.time_unit import TimeGuess, other_clocks, time_column, told
+from evertwin.sources.columns.description import (
     ColumnInfo,
     ImageInfo,
     Info,
@@ -22,17 +25,14 @@ from evertwin.sources.description import (
     TableInfo,
     TimeInfo,
 )
-from evertwin.sources.guard import Guarded, Watch, typical
-from evertwin.sources.images import BagImage, Images, images_of
+from evertwin.sources.columns.no_value import SENTINELS
+from evertwin.sources.columns.scans import Scans
+from evertwin.sources.columns.statistics import ClockStatistics, ColumnStatistics
+from evertwin.sources.columns.table import Column, Recording, Rows, Table
 from evertwin.sources.info_text import column_findings, table_findings
-from evertwin.sources.no_value import SENTINELS
 from evertwin.sources.recording import open_recording
-from evertwin.sources.scans import Scans
-from evertwin.sources.stamps import NO_STAMP, StampError, past_midnight, to_ns
-from evertwin.sources.statistics import ClockStatistics, ColumnStatistics
-from evertwin.sources.table import Column, Recording, Rows, Table
-from evertwin.sources.tally import Tally, order_of_rows
-from evertwin.sources.time_unit import TimeGuess, other_clocks, time_column, told
+from evertwin.sources.robot_logs.bag_scans import BAGS, scans_of
+from evertwin.sources.robot_logs.images import BagImage, Images, images_of
 from evertwin.types import Stamps
 
 

@@ -9,7 +9,7 @@ import datetime
 import math
 from collections.abc import Iterator
 
-from evertwin.sources.description import (
+from evertwin.sources.columns.description import (
     ClockInfo,
     ColumnInfo,
     ImageInfo,
@@ -18,7 +18,7 @@ from evertwin.sources.description import (
     TableInfo,
     TimeInfo,
 )
-from evertwin.sources.names import unit_problem
+from evertwin.sources.columns.names import unit_problem
 
 _YEAR_2000 = 946_684_800 * 10**9
 

@@ -27,18 +27,25 @@ import numpy as np
 from evertwin.errors import DataError, UsageError
 from evertwin.fold import Chunk
 from evertwin.fold.block import LARGEST
-from evertwin.sources.cells import Cell, InSi
-from evertwin.sources.dates import ORDERS
-from evertwin.sources.dialect import FOUND, Stated
-from evertwin.sources.empty_cells import EmptyCells
-from evertwin.sources.guard import Guarded, Piece, Watch, typical
-from evertwin.sources.names import closest
+from evertwin.sources.clocks.dates import ORDERS
+from evertwin.sources.clocks.guard import Guarded, Piece, Watch, typical
+from evertwin.sources.clocks.stamps import (
+    NO_STAMP,
+    StampError,
+    is_decimal,
+    past_midnight,
+    to_ns,
+    zones,
+)
+from evertwin.sources.clocks.tally import Tally, order_of_rows, unit_of_channel, unit_of_time
+from evertwin.sources.clocks.time_unit import TimeGuess, guess, time_column, told
+from evertwin.sources.columns.cells import Cell, InSi
+from evertwin.sources.columns.names import closest
+from evertwin.sources.columns.table import Column, Problem, Recording, Rows, Table
 from evertwin.sources.recording import open_recording
 from evertwin.sources.spec import SourceSpec
-from evertwin.sources.stamps import NO_STAMP, StampError, is_decimal, past_midnight, to_ns, zones
-from evertwin.sources.table import Column, Problem, Recording, Rows, Table
-from evertwin.sources.tally import Tally, order_of_rows, unit_of_channel, unit_of_time
-from evertwin.sources.time_unit import TimeGuess, guess, time_column, told
+from evertwin.sources.texts.dialect import FOUND, Stated
+from evertwin.sources.texts.empty_cells import EmptyCells
 from evertwin.types import Bool, Outputs, Stamps
 
 Files: TypeAlias = tuple[Path | Recording, ...]

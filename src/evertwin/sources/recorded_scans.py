@@ -21,13 +21,13 @@ from pathlib import Path
 
 from evertwin.errors import DataError
 from evertwin.fold import Chunk
-from evertwin.sources.bag_scans import BAGS, scans_of
-from evertwin.sources.cells import Cell
+from evertwin.sources.clocks.tally import Tally
+from evertwin.sources.columns.cells import Cell
+from evertwin.sources.columns.scans import Lidar, Scans
 from evertwin.sources.recorded import Clock, Recorded
 from evertwin.sources.recording import open_recording
-from evertwin.sources.scans import Lidar, Scans
+from evertwin.sources.robot_logs.bag_scans import BAGS, scans_of
 from evertwin.sources.spec import ArraySpec
-from evertwin.sources.tally import Tally
 
 LOGS = (*BAGS, "carmen")
 """Kinds of recordings that hold scans as such."""

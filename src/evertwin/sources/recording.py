@@ -15,20 +15,20 @@ from importlib.metadata import entry_points
 from pathlib import Path
 
 from evertwin.errors import DataError
-from evertwin.sources.arrays import open_npy, open_npz
-from evertwin.sources.bags import open_bag
-from evertwin.sources.carmen import open_carmen
-from evertwin.sources.dialect import FOUND, Stated
-from evertwin.sources.echoed import echoed
-from evertwin.sources.exported import exported
+from evertwin.sources.clocks.exported import exported
+from evertwin.sources.columns.table import WIDEST, Recording, Table
 from evertwin.sources.foreign import foreign
-from evertwin.sources.lvm import MAGIC, open_lvm
-from evertwin.sources.mat import open_mat, open_mat73
-from evertwin.sources.parquet import open_parquet
-from evertwin.sources.scope import open_scope
+from evertwin.sources.numeric.arrays import open_npy, open_npz
+from evertwin.sources.numeric.mat import open_mat, open_mat73
+from evertwin.sources.numeric.parquet import open_parquet
+from evertwin.sources.robot_logs.bags import open_bag
+from evertwin.sources.robot_logs.carmen import open_carmen
 from evertwin.sources.sniff import opened, sniff
-from evertwin.sources.table import WIDEST, Recording, Table
-from evertwin.sources.text import TextTable
+from evertwin.sources.texts.dialect import FOUND, Stated
+from evertwin.sources.texts.echoed import echoed
+from evertwin.sources.texts.lvm import MAGIC, open_lvm
+from evertwin.sources.texts.scope import open_scope
+from evertwin.sources.texts.text import TextTable
 
 _OPEN = {
     "carmen": open_carmen, "mat": open_mat, "mat73": open_mat73, "parquet": open_parquet,

@@ -13,7 +13,7 @@ from evertwin.settings.kinds import Duration, Finite, Hertz, Seconds
 from evertwin.settings.notes import Late, Shorthand
 from evertwin.settings.section import Section
 from evertwin.signals.units import conversion
-from evertwin.sources.tally import LIMIT
+from evertwin.sources.clocks.tally import LIMIT
 
 Column: TypeAlias = str | Annotated[int, Ge(0), Le(1_000_000)]
 

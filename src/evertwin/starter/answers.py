@@ -15,8 +15,8 @@ from typing import Any, TypeAlias
 from evertwin.errors import UsageError
 from evertwin.models import Model
 from evertwin.settings.quantity import as_number, in_unit
-from evertwin.sources.description import ColumnInfo
-from evertwin.sources.names import listed
+from evertwin.sources.columns.description import ColumnInfo
+from evertwin.sources.columns.names import listed
 from evertwin.starter.channels.named import unit_of
 from evertwin.starter.looks.seen import Seen
 from evertwin.starter.proposal import ASK, Match, Proposal

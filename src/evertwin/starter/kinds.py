@@ -14,7 +14,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from evertwin.machines.catalog import machine
-from evertwin.sources.description import ColumnInfo
+from evertwin.sources.columns.description import ColumnInfo
 from evertwin.starter.channels.axes import by_axis
 from evertwin.starter.channels.bare import told_apart
 from evertwin.starter.channels.joints import joints_of

@@ -35,9 +35,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from evertwin.errors import UsageError
-from evertwin.tuning.assemble import Outcome, assemble, squares
-from evertwin.tuning.fit import Fit
-from evertwin.tuning.problem import Problem
+from evertwin.tuning.intervals.assemble import Outcome, assemble, squares
+from evertwin.tuning.intervals.fit import Fit
+from evertwin.tuning.posing.problem import Problem
 from evertwin.tuning.schedule import Schedule
 from evertwin.types import Float64, Outputs, PerOutput, Vector
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from evertwin.tuning.problem import Problem
+from evertwin.tuning.posing.problem import Problem
 from evertwin.tuning.solver import closed
 from evertwin.types import ParameterVector
 

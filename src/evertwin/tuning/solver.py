@@ -16,17 +16,17 @@ from evertwin.errors import DataError, ModelError
 from evertwin.models.batch import is_native
 from evertwin.models.corrected import Corrected
 from evertwin.signals import wrap
-from evertwin.tuning.assemble import Outcome, assemble, noise_of, sizes_of, squares
-from evertwin.tuning.closed import ClosedForm
-from evertwin.tuning.fit import Fit
-from evertwin.tuning.gram import FINE, solved
-from evertwin.tuning.identifiability import connected, gate
-from evertwin.tuning.mixed import project, separable
-from evertwin.tuning.noisy_starts import without_noise
-from evertwin.tuning.nonlinear import begun, least_squares
-from evertwin.tuning.problem import Problem
-from evertwin.tuning.sensitivity import Sensitivity
-from evertwin.tuning.settings import Settings
+from evertwin.tuning.intervals.assemble import Outcome, assemble, noise_of, sizes_of, squares
+from evertwin.tuning.intervals.fit import Fit
+from evertwin.tuning.intervals.identifiability import connected, gate
+from evertwin.tuning.intervals.noisy_starts import without_noise
+from evertwin.tuning.linear.closed import ClosedForm
+from evertwin.tuning.linear.gram import FINE, solved
+from evertwin.tuning.linear.sensitivity import Sensitivity
+from evertwin.tuning.posing.problem import Problem
+from evertwin.tuning.posing.settings import Settings
+from evertwin.tuning.search.mixed import project, separable
+from evertwin.tuning.search.nonlinear import begun, least_squares
 from evertwin.types import Bool, Float64, Outputs, ParameterVector, PerOutput, Vector
 
 LITTLE = 1.2

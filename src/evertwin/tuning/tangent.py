@@ -35,8 +35,8 @@ import numpy as np
 from evertwin.models import LinearModel, Parameters
 from evertwin.models.compiled import StaticMap
 from evertwin.signals import Layout
-from evertwin.tuning.fit import Fit
-from evertwin.tuning.problem import Problem
+from evertwin.tuning.intervals.fit import Fit
+from evertwin.tuning.posing.problem import Problem
 from evertwin.tuning.solver import closed
 from evertwin.types import (
     Float64,

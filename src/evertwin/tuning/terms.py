@@ -44,10 +44,10 @@ import numpy as np
 
 from evertwin.errors import UsageError
 from evertwin.models import LinearModel
-from evertwin.tuning.closed import ClosedForm, Sums, summed
-from evertwin.tuning.problem import Problem
+from evertwin.tuning.form.unseen import held_out
+from evertwin.tuning.linear.closed import ClosedForm, Sums, summed
+from evertwin.tuning.posing.problem import Problem
 from evertwin.tuning.solver import solve
-from evertwin.tuning.unseen import held_out
 from evertwin.types import Float64, Vector
 
 Term: TypeAlias = (

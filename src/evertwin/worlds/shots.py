@@ -19,7 +19,7 @@ import mujoco
 import numpy as np
 
 from evertwin.errors import DataError, EvertwinError, ModelError
-from evertwin.sources.small_table import read_table
+from evertwin.sources.texts.small_table import read_table
 from evertwin.worlds.camera import View, traced
 from evertwin.worlds.eye import HEIGHT, LENS, Shot, carried, save_rows, shot
 from evertwin.worlds.live.contract import Sample

@@ -28,7 +28,7 @@ from scipy import ndimage
 
 from evertwin.errors import UsageError
 from evertwin.sources.foreign import Damaged, foreign, load
-from evertwin.sources.images import Pixels
+from evertwin.sources.robot_logs.images import Pixels
 from evertwin.types import Float64
 
 DATA = Path(__file__).parent / "data" / "objects.onnx"

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.errors import DataError, UsageError
-from evertwin.sources.small_table import ABSENT, Table, read_table
+from evertwin.sources.texts.small_table import ABSENT, Table, read_table
 from evertwin.types import Bools, Float64, Int64, Vector
 
 NOTHING = "(nothing)"

@@ -26,7 +26,7 @@ import numpy as np
 from evertwin.errors import DataError
 from evertwin.features.images.detector import SAME, Corners, Detection, overlap
 from evertwin.features.images.labelled import NOTHING
-from evertwin.sources.small_table import ABSENT, read_table
+from evertwin.sources.texts.small_table import ABSENT, read_table
 
 EDGES = ("left", "upper", "right", "lower")
 COLUMNS = ("t_ns", "label", *EDGES)

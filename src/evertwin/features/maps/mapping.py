@@ -41,7 +41,7 @@ from evertwin.features.scans.stream import Stream, Turned
 from evertwin.features.scans.trust import doubtful, trusted, without_repeats
 from evertwin.fold import join, make_block, take
 from evertwin.signals.planar import between, compose
-from evertwin.sources.scans import Lidar, Scans
+from evertwin.sources.columns.scans import Lidar, Scans
 from evertwin.types import Float64, Int64, Stamps, Vector
 
 OVERLAP = 12

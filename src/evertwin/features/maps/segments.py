@@ -37,7 +37,7 @@ from evertwin.features.scans.local_map import Surface, seen
 from evertwin.features.scans.poses import Fix, Poses
 from evertwin.features.scans.scan_fit import COMMON
 from evertwin.signals.planar import between, compose
-from evertwin.sources.scans import Scans
+from evertwin.sources.columns.scans import Scans
 from evertwin.types import Float64, Int64
 
 FIRST = 6

@@ -1,6 +1,6 @@
 """What is wrong with the scans of a lidar, as sentences; and how it is mounted, by its odometry.
 
->>> from evertwin.sources.scans import Lidar
+>>> from evertwin.sources.columns.scans import Lidar
 >>> seen = np.full((6, 20), 2.0) + 0.01 * np.arange(20)
 >>> scans = Scans("scan", np.arange(6), seen, Lidar(0.0, 0.1, 30.0))
 >>> troubles(scans)
@@ -17,8 +17,8 @@ import numpy as np
 
 from evertwin.features.scans.scan_matcher import BLOCKED, MOST_NEAR, STANDING
 from evertwin.signals.planar import between, wrapped
-from evertwin.sources.scans import Scans
-from evertwin.sources.straight_walls import beam_step
+from evertwin.sources.columns.scans import Scans
+from evertwin.sources.robot_logs.straight_walls import beam_step
 from evertwin.types import Float64
 
 SEES = 0.1

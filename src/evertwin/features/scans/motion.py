@@ -1,6 +1,6 @@
 """What wheels and gyro say at the times of scans; nothing where they were silent.
 
->>> from evertwin.sources.scans import Lidar, Track
+>>> from evertwin.sources.columns.scans import Lidar, Track
 >>> t, at = (np.array(one) * 10**8 for one in ([0, 1, 2, 16, 17, 18], [0, 2, 8, 16, 18]))
 >>> gyro = Track("/imu", t, t, np.ones((6, 1)))
 >>> scans = Scans("scan", at, np.ones((5, 4)), Lidar(0.0, 0.1, 9.0), gyro=gyro)
@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from evertwin.sources.scans import Scans
+from evertwin.sources.columns.scans import Scans
 from evertwin.types import Bool, Float64, Int64, Stamps, Vector
 
 SILENT, LEAST = 10.0, 3 * 10**8

@@ -58,7 +58,7 @@ from evertwin.features.scans.scan_fit import Expected, Fit
 from evertwin.features.scans.scan_pace import ScanPace
 from evertwin.fold import Block, Out
 from evertwin.signals.planar import between, compose
-from evertwin.sources.scans import Lidar
+from evertwin.sources.columns.scans import Lidar
 from evertwin.types import Float64, Vector
 
 APART, TURNED = 0.3, 0.35

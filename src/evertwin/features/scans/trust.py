@@ -14,7 +14,7 @@ from evertwin.features.scans.motion import summed, turned_at
 from evertwin.features.scans.poses import Fix, Poses
 from evertwin.features.scans.surface import noise
 from evertwin.features.scans.voting import FEW, TELLS, apart, outvoted, steady, turned
-from evertwin.sources.scans import Scans, Track
+from evertwin.sources.columns.scans import Scans, Track
 from evertwin.types import Float64, Stamps, Vector
 
 STEP = 10**9

@@ -26,7 +26,7 @@ from evertwin.features.tables.legs import Legs, View
 from evertwin.features.tables.rectangles import Rectangle, corners
 from evertwin.features.tables.tables import Happened, Room, Shape, Table, seen
 from evertwin.models.table_bodies import UNITS
-from evertwin.sources.scans import Lidar
+from evertwin.sources.columns.scans import Lidar
 from evertwin.types import Float64, Int64, Stamps
 
 VIEWS = 200

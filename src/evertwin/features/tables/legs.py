@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.features.tables.spots import Spots, spots
-from evertwin.sources.scans import Lidar
+from evertwin.sources.columns.scans import Lidar
 from evertwin.types import Bools, Float64, Int64, Vector
 
 SEEN, UNSEEN = 2.5, -1.35

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evertwin.sources.scans import Lidar
+from evertwin.sources.columns.scans import Lidar
 from evertwin.types import Float64, Vector
 
 WIDEST = 0.16

@@ -25,13 +25,13 @@ from evertwin.errors import UsageError
 from evertwin.fold import Chunk
 from evertwin.signals import conversion
 from evertwin.signals.whole_steps import whole_steps
-from evertwin.sources.dates import ORDERS
+from evertwin.sources.clocks.dates import ORDERS
+from evertwin.sources.clocks.stamps import NO_STAMP, StampError, to_ns
 from evertwin.sources.live.contract import LiveSettings
 from evertwin.sources.live.stamping import Stamping
 from evertwin.sources.live.stamping import arrival as now
 from evertwin.sources.live.telling import Telling
 from evertwin.sources.spec import SourceSpec
-from evertwin.sources.stamps import NO_STAMP, StampError, to_ns
 
 Raw: TypeAlias = float | int | bool | str | bytes | list[Any] | None
 Columns: TypeAlias = Mapping[str, Raw]

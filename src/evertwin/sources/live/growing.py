@@ -28,13 +28,13 @@ from evertwin.backoff import Backoff
 from evertwin.errors import DataError, UsageError
 from evertwin.settings.kinds import Duration
 from evertwin.settings.notes import Late, expand
-from evertwin.sources.dialect import COMMENTS, Dialect, Stated, cells_of, detect, pointed
 from evertwin.sources.live.contract import Around, LiveSettings
 from evertwin.sources.live.decode import Columns, Raw
 from evertwin.sources.live.line import Line, LineDown
-from evertwin.sources.no_number import number_of
 from evertwin.sources.spec import SourceSpec
-from evertwin.sources.text import LONGEST, columns_of
+from evertwin.sources.texts.dialect import COMMENTS, Dialect, Stated, cells_of, detect, pointed
+from evertwin.sources.texts.no_number import number_of
+from evertwin.sources.texts.text import LONGEST, columns_of
 
 BLOCK = 1 << 18
 """Bytes read at once."""

@@ -19,7 +19,6 @@ from typing import Any
 from evertwin.errors import DataError, UsageError
 from evertwin.ros.node import Raw, Subscription, node_at
 from evertwin.ros.transforms import TYPES
-from evertwin.sources.bag_files import Connection, Message
 from evertwin.sources.foreign import load
 from evertwin.sources.live.contract import Around
 from evertwin.sources.live.decode import Columns
@@ -27,7 +26,8 @@ from evertwin.sources.live.decode import Raw as Cell
 from evertwin.sources.live.line import DOWN, Line
 from evertwin.sources.live.mqtt_parts import Count
 from evertwin.sources.live.ros_spec import RosSettings
-from evertwin.sources.ros_messages import Decoder, array_of, flat, stamp_of
+from evertwin.sources.robot_logs.bag_files import Connection, Message
+from evertwin.sources.robot_logs.ros_messages import Decoder, array_of, flat, stamp_of
 from evertwin.sources.spec import ArraySpec, SourceSpec
 
 THERE = "between the publisher and here: its queue (queue_size) or the line"

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.signals import Channel
-from evertwin.sources.description import ColumnInfo
+from evertwin.sources.columns.description import ColumnInfo
 from evertwin.starter.channels.named import unit_of
 from evertwin.starter.looks.families import families
 from evertwin.starter.looks.relations import CLEAR, Relation, derivative

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from evertwin.sources.description import TableInfo
+from evertwin.sources.columns.description import TableInfo
 from evertwin.starter.looks.apart import bare
 from evertwin.starter.looks.seen import Seen
 from evertwin.starter.proposal import Proposal

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from evertwin.signals import Channel, lacks_angle
-from evertwin.sources.description import ColumnInfo
+from evertwin.sources.columns.description import ColumnInfo
 from evertwin.starter.channels.named import matched, unit_of
 from evertwin.starter.looks.seen import Seen
 from evertwin.starter.looks.words import WHEEL, role, same_kind, words

@@ -22,8 +22,8 @@ from evertwin.errors import DataError
 from evertwin.machines.arm import Arm
 from evertwin.models import Model
 from evertwin.signals import Channel, conversion
-from evertwin.sources.description import ColumnInfo
-from evertwin.sources.names import listed, unit_problem
+from evertwin.sources.columns.description import ColumnInfo
+from evertwin.sources.columns.names import listed, unit_problem
 from evertwin.starter.channels.arm import of_arm
 from evertwin.starter.channels.bare import restored, told_apart
 from evertwin.starter.channels.base import SIDES, of_odometry, of_pose, of_wheels

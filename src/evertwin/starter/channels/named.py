@@ -15,8 +15,8 @@ import re
 from collections.abc import Collection, Iterable, Sequence
 
 from evertwin.signals import Channel, conversion, lacks_angle
-from evertwin.sources.description import ColumnInfo
-from evertwin.sources.names import unit_problem
+from evertwin.sources.columns.description import ColumnInfo
+from evertwin.sources.columns.names import unit_problem
 from evertwin.starter.channels.compass import COMPASS, EAST, NORTH
 from evertwin.starter.looks.seen import Seen
 from evertwin.starter.looks.words import (

@@ -17,7 +17,7 @@ import numpy as np
 from evertwin.errors import UsageError
 from evertwin.signals import conversion, unwrapped
 from evertwin.signals.related import Follows, follows
-from evertwin.sources.names import closest
+from evertwin.sources.columns.names import closest
 from evertwin.starter.looks.seen import Seen
 from evertwin.starter.proposal import ASK, Match, Proposal
 from evertwin.types import Vector

@@ -15,13 +15,13 @@ import numpy as np
 
 from evertwin.errors import DataError
 from evertwin.publishers.ros_spec import RosOutSettings
-from evertwin.sources.description import ColumnInfo, Info, TableInfo
-from evertwin.sources.exported import parts_of
+from evertwin.sources.clocks.exported import parts_of
+from evertwin.sources.clocks.stamps import NO_STAMP, to_ns
+from evertwin.sources.columns.description import ColumnInfo, Info, TableInfo
+from evertwin.sources.columns.names import sampled
+from evertwin.sources.columns.table import Recording
 from evertwin.sources.info import inspect
-from evertwin.sources.names import sampled
 from evertwin.sources.recording import open_recording
-from evertwin.sources.stamps import NO_STAMP, to_ns
-from evertwin.sources.table import Recording
 from evertwin.starter.looks.apart import themes
 from evertwin.starter.looks.words import quantity, said_unit, words
 from evertwin.types import Float64, Vector

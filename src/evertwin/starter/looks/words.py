@@ -17,7 +17,7 @@ from itertools import pairwise
 from evertwin.errors import UsageError
 from evertwin.signals import compatible
 from evertwin.signals.units import powers
-from evertwin.sources.description import ColumnInfo
+from evertwin.sources.columns.description import ColumnInfo
 from evertwin.starter.looks.abroad import english
 
 QUANTITIES = {

@@ -1,0 +1,1 @@
+"""Columns of time: dates, stamps, units, and a guard over what goes backward."""

@@ -1,0 +1,1 @@
+"""What a recording consists of: tables, their columns with names and units, scans."""

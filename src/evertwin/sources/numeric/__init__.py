@@ -1,0 +1,1 @@
+"""Arrays that a file or a program holds whole."""

@@ -1,0 +1,1 @@
+"""Text tables in the dialects that people and programs write."""

@@ -1,0 +1,1 @@
+"""Numbers of a model whose form is wrong: what else they could be."""

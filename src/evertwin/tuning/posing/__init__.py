@@ -1,0 +1,1 @@
+"""What is asked: which parameters of which model, judged on which rows."""

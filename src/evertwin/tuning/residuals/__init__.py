@@ -1,0 +1,1 @@
+"""What residuals still say: their memory, and how they hang on inputs."""

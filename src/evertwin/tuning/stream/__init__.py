@@ -1,0 +1,1 @@
+"""Parameters that follow a machine row by row."""
