@@ -18,7 +18,15 @@ from evertwin.compiled import functions, kept
 from evertwin.compiled.calls import call, call_real
 from evertwin.compiled.functions import Function, cfunc, njit
 from evertwin.compiled.kept import is_kept, plain_seconds
-from evertwin.compiled.memory import behind, borrowed, carray, reals, scratch
+from evertwin.compiled.memory import (
+    behind,
+    borrowed,
+    carray,
+    copied,
+    ordered,
+    reals,
+    scratch,
+)
 from evertwin.compiled.stamp import stamp_of
 from evertwin.errors import UsageError
 from evertwin.sync import places
@@ -230,3 +238,19 @@ def test_code_that_moved_to_another_module_is_compiled_anew() -> None:
     here = stamp_of(twice)
     twice.__module__ = "evertwin.elsewhere"
     assert stamp_of(twice) != here
+
+
+@njit()
+def rising(values: Any, into: Any) -> None:
+    copied(into, ordered(values))
+
+
+@pytest.mark.parametrize("form", ["plain", "compiled"])
+def test_numbers_are_ordered_and_copied_in_both_forms(form: str) -> None:
+    rng = np.random.default_rng(5)
+    for size in (0, 1, 2, 3, 10, 11, 257):
+        values = rng.integers(0, 50, size) / 7.0
+        given, into = values.copy(), np.full(size + 2, -1.0)
+        getattr(rising, form)(given, into)
+        assert np.array_equal(given, values)
+        assert into[:size].tolist() == sorted(values) and into[size:].tolist() == [-1.0, -1.0]

@@ -25,6 +25,7 @@ import numpy as np
 from evertwin.anomaly.calibration import Calibration, Calm, blank, calibrate, whitened
 from evertwin.anomaly.residuals import Alarms, Residuals
 from evertwin.compiled.functions import njit
+from evertwin.compiled.memory import copied
 from evertwin.errors import UsageError
 from evertwin.fold import Event, Out
 from evertwin.types import Float64, Int64, Vector
@@ -91,7 +92,7 @@ def watch(
                 alarm[i, j] = 1 if sums[j, 0] > sums[j, 1] else -1
                 if seen[j, 1] < 0:
                     begins[i, j] = True
-                    height[j, :] = sums[j, :]
+                    copied(height[j], sums[j])
                     peak[j] = max(sums[j, 0], sums[j, 1])
                     started += 1
                 sums[j, :] = 0.0

@@ -26,6 +26,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from evertwin.compiled.functions import njit
+from evertwin.compiled.memory import copied, ordered
 from evertwin.signals import Layout
 from evertwin.types import Bool, Bools, Int64, Outputs
 
@@ -156,7 +157,7 @@ def _rises(one: Any, kept: Any, mean: float) -> float:
     high = low = math.nan
     alike = 1.0
     if behind >= LEAST:
-        usual = np.sort(kept[:behind])
+        usual = ordered(kept[:behind])
         high, low = usual[int((1.0 - RARE) * behind)], usual[int(RARE * behind)]
         alike = _alike(kept[:behind], high)
     if behind < LEAST * alike:  # it came so slowly that it is what is usual, or little is known yet
@@ -170,7 +171,7 @@ def _rises(one: Any, kept: Any, mean: float) -> float:
         one[SINCE] = one[SINCE] + 1.0 if one[UP] > 0.0 else 0.0
         one[BELOW] = one[BELOW] + 1.0 if one[DOWN] > 0.0 else 0.0
     if n == len(kept):  # the oldest one goes
-        kept[:-1] = kept[1:].copy()
+        copied(kept[:-1], kept[1:])
         n -= 1
     kept[n] = mean
     one[COUNT] = n + 1.0
@@ -179,6 +180,6 @@ def _rises(one: Any, kept: Any, mean: float) -> float:
         new = int(one[SINCE] if rose else one[BELOW])
         if rose:
             times = math.sqrt(_mean(kept[n + 1 - new : n + 1]) / _mean(kept[: n + 1 - new]))
-        kept[:new] = kept[n + 1 - new : n + 1].copy()
+        copied(kept[:new], kept[n + 1 - new : n + 1])
         one[COUNT], one[UP], one[SINCE], one[DOWN], one[BELOW] = new, 0.0, 0.0, 0.0, 0.0
     return times

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from llvmlite import ir
-from numba import types
+from numba import njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
@@ -114,3 +114,26 @@ def behind(typing: Any, p: Any, place: Any) -> Any:
         return builder.gep(first, [arguments[1]])
 
     return _REALS(p, types.int64), code
+
+
+@njit
+def copied(into: Any, values: Any) -> None:
+    """One number after the other."""
+    for i in range(len(values)):
+        into[i] = values[i]
+
+
+@njit
+def ordered(values: Any) -> Any:
+    """Shell's way: numbers far apart change places first."""
+    found = values.copy()
+    gap = len(found) // 2
+    while gap > 0:
+        for i in range(gap, len(found)):
+            value, place = found[i], i
+            while place >= gap and found[place - gap] > value:
+                found[place] = found[place - gap]
+                place -= gap
+            found[place] = value
+        gap = 1 if gap == 2 else gap * 5 // 11
+    return found

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 from evertwin.compiled.calls import call
 from evertwin.compiled.functions import njit
+from evertwin.compiled.memory import copied
 
 BEGUN, TASK, OPEN, LEVEL, FRESH, TRAINING, WATCHED = range(7)
 """Places in the integers of a segment: has a row come, its task, is a segment open, its level (−1:
@@ -148,7 +149,7 @@ def _simulated(it: Exploration, i: int, model: tuple[int, int, int]) -> bool:
     dt, u, n, x, command = it.rows[0][i], it.rows[1], it.lanes.n, it.lanes.x, it.command
     step, c, params = model
     ahead, at, count = it.ahead.ctypes.data, command.ctypes.data, len(it.actions)
-    command[:] = u[i]
+    copied(command, u[i])
     level = level_of(u[i, it.channel], it.levels)
     if n[OPEN] == 1:
         n[LEVEL] = level if it.lanes.elapsed[0] == 0.0 or n[LEVEL] == level else -1

@@ -14,6 +14,7 @@ import numpy as np
 
 from evertwin.compiled.calls import call
 from evertwin.compiled.functions import njit
+from evertwin.compiled.memory import copied
 from evertwin.errors import UsageError
 from evertwin.models.kernel import ADOPT, ANEW, Kernel, Restart, looped
 from evertwin.models.parameters import Parameters
@@ -35,7 +36,7 @@ def roll_rows(
         if code[i] >= ANEW:
             out[i, :] = np.nan
             if code[i] == ANEW:
-                x[:] = x0
+                copied(x, x0)
             else:
                 call(observe, c, a, out_at + 8 * i * ny)  # nothing: what was expected is void
             call(observe, c, a, y_at + 8 * i * ny)
@@ -45,7 +46,7 @@ def roll_rows(
         failed = call(step, c, a, u_at + 8 * i * nu, dt[i], parameters, b, out_at + 8 * i * ny)
         if failed != 0:
             out[i, :] = np.nan
-        x[:] = ahead
+        copied(x, ahead)
 
 
 def roll(

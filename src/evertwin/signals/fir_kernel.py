@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from evertwin.compiled.functions import njit
+from evertwin.compiled.memory import copied
 from evertwin.types import Outputs, Vector
 
 LEAST = 0.5
@@ -45,7 +46,7 @@ def known_run(a: Vector, out: Vector, half: Vector, start: int, stop: int) -> No
             old, new = a[at - k : at - k + count], a[at + k : at + k + count]
             for i in range(count):
                 sums[i] += half[k] * (old[i] + new[i])
-        out[at : at + count] = sums[:count]
+        copied(out[at : at + count], sums[:count])
 
 
 @njit(cache=True, error_model="numpy")

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from evertwin.compiled.functions import njit
+from evertwin.compiled.memory import ordered
 from evertwin.sync import places as at
 from evertwin.sync.horizon_loop import wrapped
 from evertwin.sync.options import COLD, HOT
@@ -67,8 +68,7 @@ def learn(statistics: Any, phase: int, j: int, square: float) -> None:
         warm[n, j] = np.sqrt(square)
         counts[pool, j] = n + 1
         if n + 1 >= at.FEW:
-            ordered = np.sort(warm[: n + 1, j])
-            middle = 1.4826 * ordered[(n + 1) // 2]
+            middle = 1.4826 * ordered(warm[: n + 1, j])[(n + 1) // 2]
             # A few innovations may all be from a standstill: ten times as wide until it is known.
             variance[pool, j] = middle * middle * (1.0 if n + 1 == at.LEARN else 100.0)
         return

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from evertwin.compiled.functions import njit
+from evertwin.compiled.memory import ordered
 
 SPAN = 0.15
 """Half the length of wall that a normal is told from, at least [m]."""
@@ -58,7 +59,7 @@ def noise(ranges: Any) -> float:
             n += 1
     if not n:
         return 0.0
-    sizes = np.sort(off[:n])
+    sizes = ordered(off[:n])
     quarter, low, high = sizes[n // 4], n // 4, n // 4
     while low > 0 and quarter - sizes[low - 1] < EQUAL:
         low -= 1

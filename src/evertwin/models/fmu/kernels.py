@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from evertwin.compiled.functions import OBSERVE, STEP, cfunc, njit
-from evertwin.compiled.memory import carray
+from evertwin.compiled.memory import carray, copied
 from evertwin.models.fmu import slots as at
 from evertwin.models.fmu.calls import call
 
@@ -45,7 +45,7 @@ def set_group(page: Any, numbers: Any, g: int, values: Any) -> Any:
         return 0
     factor, offset, buffer = page[q + 3], page[q + 4], page[q + 5]
     scaled = (values - numbers[offset : offset + n]) / numbers[factor : factor + n]
-    numbers[buffer : buffer + n] = scaled
+    copied(numbers[buffer : buffer + n], scaled)
     return _exchange(page, g, at.SET)
 
 
@@ -144,7 +144,7 @@ def solve(page: Any, numbers: Any, t: float, h: float) -> Any:
     k[:] = total[:] = 0.0
     for stage in range(STAGES[solver]):
         reach = h * REACH[solver, stage]
-        numbers[place : place + nx] = now + reach * k
+        copied(numbers[place : place + nx], now + reach * k)
         status = derivatives(page, numbers, t + reach, place, slope)
         if status > 1:
             return status
@@ -300,7 +300,7 @@ def step(context: Any, x: Any, u: Any, dt: Any, p: Any, x_next: Any, y: Any) -> 
     values = carray(p, (page[at.NP],))
     n = page[at.COUNT]
     page[at.COUNT] = n + 1
-    ahead[:] = now
+    copied(ahead, now)
     if refused(page, n):
         status = at.SKIPPED
     elif not (known(inputs) and known(now) and known(values) and 0.0 <= dt < math.inf):
@@ -314,7 +314,7 @@ def step(context: Any, x: Any, u: Any, dt: Any, p: Any, x_next: Any, y: Any) -> 
             call(page[at.LEAVE], (at.EXIT_FATAL,))
         page[at.INSIDE] = 0
     if status > 1:
-        ahead[:] = now
+        copied(ahead, now)
         out[:] = np.nan
         page[at.HELD] = 0
         if status != at.NOT_FINITE_IN:
@@ -322,8 +322,8 @@ def step(context: Any, x: Any, u: Any, dt: Any, p: Any, x_next: Any, y: Any) -> 
             page[at.BAD] += 1
             page[at.STATUS] = status
         return 1
-    numbers[page[at.LAST_X] : page[at.LAST_X] + page[at.NX]] = ahead
-    numbers[page[at.LAST_P] : page[at.LAST_P] + page[at.NP]] = values
+    copied(numbers[page[at.LAST_X] :], ahead)
+    copied(numbers[page[at.LAST_P] :], values)
     page[at.HELD] = 1
     return 0
 

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from evertwin.compiled.functions import OBSERVE, STEP, cfunc, njit
-from evertwin.compiled.memory import carray
+from evertwin.compiled.memory import carray, copied
 
 WORDS = 5
 """Integers per operation."""
@@ -277,7 +277,7 @@ def _integrate(tape: Any, r: Any, x: Any, dt: float) -> bool:
         for _ in range(parts):
             if not _stages(tape, r, x, dt / parts, k):
                 return False
-            x[:] = r[at : at + nx]
+            copied(x, r[at : at + nx])
         return True
     done, h = 0.0, dt
     for _ in range(tape[PARTS]):
@@ -286,7 +286,7 @@ def _integrate(tape: Any, r: Any, x: Any, dt: float) -> bool:
         error = _error(tape, r, x, h, k, tolerance) if fine else np.inf
         if error <= 1.0:
             done += h
-            x[:] = r[at : at + nx]
+            copied(x, r[at : at + nx])
             if done >= dt * (1.0 - 1e-14):
                 return True
         factor = 0.9 * math.pow(error, -0.2) if error > 0.0 else 5.0
@@ -303,14 +303,16 @@ def step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) ->
     r = np.zeros(tape[REGISTERS])
     nc, n_p, nu, nx = tape[NC], tape[NP], tape[NU], tape[NX]
     at = nc + n_p + nu
-    r[:nc] = tape[tape[BITS] : tape[BITS] + nc].view(np.float64)
-    r[nc : nc + n_p], r[nc + n_p : at] = carray(p, (n_p,)), carray(u, (nu,))
+    copied(r, tape[tape[BITS] : tape[BITS] + nc].view(np.float64))
+    copied(r[nc:], carray(p, (n_p,)))
+    copied(r[nc + n_p :], carray(u, (nu,)))
     state, out = carray(x, (nx,)).copy(), carray(ahead, (nx,))
     if not run(tape, tape[ROW], tape[STAGE], r):
         return 1
     if nx > 0 and dt > 0.0 and not _integrate(tape, r, state, dt):
         return 1
-    r[at : at + nx] = out[:] = state
+    copied(r[at:], state)
+    copied(out, state)
     if not run(tape, tape[STAGE], tape[BITS], r):
         return 1
     for i in range(tape[NY]):

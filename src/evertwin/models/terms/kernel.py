@@ -17,7 +17,7 @@ import numpy as np
 
 from evertwin.compiled.calls import call
 from evertwin.compiled.functions import OBSERVE, STEP, CFunction, cfunc, njit
-from evertwin.compiled.memory import carray, room
+from evertwin.compiled.memory import carray, copied, room
 from evertwin.models.kernel import ANEW
 from evertwin.models.terms.contract import CorrectionTerm, Place
 from evertwin.models.terms.registry import KINDS, kind
@@ -135,13 +135,13 @@ def effective_run(plan: Any, x: Any, u: Any, dt: Any, p: Any, code: Any) -> Any:
     out, now, ahead = u.copy(), x.copy(), x.copy()
     for i in range(u.shape[0]):
         if code[i] == ANEW:
-            now[:] = x
+            copied(now, x)
             continue
-        ahead[:] = now
+        copied(ahead, now)
         if effective(plan, out[i].ctypes.data, dt[i], p.ctypes.data, ahead.ctypes.data) != 0:
             out[i, :] = np.nan
         else:
-            now[:] = ahead
+            copied(now, ahead)
     return out
 
 
@@ -176,13 +176,13 @@ def step(context: Any, x: Any, u: Any, dt: float, p: Any, x_next: Any, y: Any) -
     now, ahead = carray(x, (plan[6],)), carray(x_next, (plan[6],))
     numbers, out = carray(p, (plan[7],)), carray(y, (plan[8],))
     inputs = carray(room(plan[4]), (plan[4],))
-    inputs[:] = carray(u, (plan[4],))
+    copied(inputs, carray(u, (plan[4],)))
     first = plan[5]
     for i in range(first, plan[6]):
         ahead[i] = now[i]
     at, given = ahead.ctypes.data, numbers.ctypes.data
     if effective(plan, inputs.ctypes.data, dt, given, at) != 0:
-        ahead[:] = now
+        copied(ahead, now)
         out[:] = np.nan
         return 1
     failed = call(
@@ -197,7 +197,7 @@ def adopt(context: Any, x: Any, y: Any) -> Any:
     plan = carray(context, (carray(context, (1,))[0],))
     now = carray(x, (plan[6],))
     before = carray(room(plan[5]), (plan[5],))
-    before[:] = now[: plan[5]]
+    copied(before, now[: plan[5]])
     call(plan[2], plan[3], now.ctypes.data, carray(y, (plan[8],)).ctypes.data)
     _adopted(plan, before.ctypes.data, now.ctypes.data)
     return 0
