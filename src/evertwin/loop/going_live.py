@@ -75,7 +75,8 @@ def _nearest(follow: Follow, state: TwinState, since: int) -> int:
     once = {first, *(one.number for one in former(versions, state, live))} - {live}
     if not windows:
         return first
-    off = {k: left(setup, versions.model(k), versions[k].p, windows) for k in once | tried}
+    past = setup.ring.between(state.ring, 0, since)
+    off = {k: left(setup, versions.model(k), versions[k].p, windows, past) for k in once | tried}
     share = {k: float(np.nanmean(one / off[first])) for k, one in off.items()}
     if not np.isfinite(list(share.values())).all():  # nothing moved: the bets alone tell
         return first
@@ -92,9 +93,11 @@ def _nearest(follow: Follow, state: TwinState, since: int) -> int:
 def _held(follow: Follow, state: TwinState) -> bool:
     """Was the challenger within what is asked, each output, on the rows of its trial?"""
     setup, version = follow.setup, follow.versions[state.other.version]
-    windows = setup.ring.between(state.ring, version.row, state.row)
+    past, windows = (
+        setup.ring.between(state.ring, *span) for span in ((0, version.row), (version.row, state.row))
+    )
     model = follow.versions.model(version.number)
-    return bool(windows) and _within(setup, left(setup, model, version.p, windows), windows)
+    return bool(windows) and _within(setup, left(setup, model, version.p, windows, past), windows)
 
 
 def _within(setup: Setup, off: PerOutput, windows: Sequence[Block]) -> bool:

@@ -263,6 +263,6 @@ def left(
     before: Sequence[Block] = (),
 ) -> PerOutput:  # fmt: skip
     """Rms residual per output of a version, of rows that move; NaN where nothing was measured.
-    ``before``: rows before them."""
+    ``before``: rows before them, which tell what states that nothing measures had come to."""
     seen = [predict(setup, model, p, window, before) for window in windows]
     return rms(np.concatenate([np.where(one.moving, one.residual, np.nan) for one in seen]))
