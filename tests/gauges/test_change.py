@@ -7,8 +7,9 @@ import pytest
 
 from evertwin import Twin, TwinSpec
 from evertwin.config.spec import AnomalySpec, ModelSpec, PredictionSpec, Span, TuningSpec
-from evertwin.fold import Block, make_block
+from evertwin.fold import Block, make_block, take
 from evertwin.gauges.change import changed, likely, suddenly
+from evertwin.gauges.settled import settled
 from evertwin.machines.mobile import Robot1D
 from evertwin.models.corrected import build
 from evertwin.models.form import Form, Term
@@ -89,6 +90,42 @@ def test_play_of_a_drive_that_is_driven_harder_is_no_change() -> None:
     assert not any(place(seed, 1.0, grows=True) for seed in range(8))
     told = [abs(place(seed, 0.6, grows=False) - CHANGE) <= 60 for seed in range(8)]
     assert sum(told) >= 7
+
+
+def bent(seed: int, share: float, harder: float) -> Block:
+    """A drive with a hysteresis (Bouc-Wen) before its lag, driven ``harder`` from row 2400 on; it
+    goes ``share`` times as fast from there on."""
+    rng, late = np.random.default_rng([seed, 6]), np.arange(4000) >= 2400
+    z = speed = was = 0.0
+    v = np.repeat(rng.uniform(-0.4, 0.4, 250), 16) * np.where(late, harder, 1.0)
+    way = np.zeros(4000)
+    for k in range(4000):
+        step, was = v[k] - was, v[k]
+        for _ in range(4):
+            z += 0.25 * (step - 0.5 * (abs(step) * z + step * abs(z)) / 0.07)
+        speed += 0.4 * (v[k] - 0.6 * z - speed)
+        way[k] = speed * (share if late[k] else 1.0)
+    x = np.r_[0.0, np.cumsum(way)[:-1]] * 0.1 + rng.normal(0.0, 0.001, 4000)
+    return make_block(np.arange(4000) * 10**8, v[:, None], x[:, None])
+
+
+def test_rows_are_compared_with_those_at_which_inputs_swung_as_far() -> None:
+    """Of harder driven rows those that swing as before are nearly all of the largest swings."""
+    model = build(Robot1D(), Form((Term("lag", "v"), Term("law", "v"))))
+    names = ("gain", "lag.v.tau", "law.v.offset")
+
+    def place(seed: int, share: float, harder: float) -> int:
+        rows = bent(seed, share, harder)
+        first = settled(Problem(model, (take(rows, 0, 1200),), names, 2.0))
+        prior = model.parameters.with_values(
+            dict(zip(first.names, first.values.tolist(), strict=True))
+        )
+        rows = take(rows, 200, 3200)
+        return changed((rows,), lambda some: Problem(model, some, names, 2.0, prior=prior))
+
+    told = [place(seed, 1.0, harder) for seed in range(12) for harder in (1.5, 1.8)]
+    assert sum(map(bool, told)) <= 1
+    assert sum(abs(place(seed, 0.75, 1.0) - 2200) <= 100 for seed in range(12)) >= 10
 
 
 def test_of_fewer_rows_than_two_blocks_nothing_is_told() -> None:

@@ -435,7 +435,7 @@ def test_a_number_of_a_correction_that_no_row_touches_stays_and_the_others_follo
     late = np.arange(n) >= 700
     v = np.where(late, np.minimum(v, 0.1), v)
     true = np.where(v < start, 0.0, np.minimum(np.where(late, 0.8, 1.0) * gain * v, cap))
-    x = np.r_[0.0, np.cumsum(true[:-1])] + np.random.default_rng(1).normal(0.0, 0.002, n)
+    x = np.r_[0.0, np.cumsum(true[:-1])] + np.random.default_rng(2).normal(0.0, 0.002, n)
     with Twin.open("twins/robot1d.toml") as twin:
         result = twin.run({"t": np.arange(n) * 1.0, "v": v, "x": x})
         known = dict(zip(twin.champion.names, twin.champion.values, strict=True))

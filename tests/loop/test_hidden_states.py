@@ -9,8 +9,15 @@ import pytest
 
 from evertwin import Twin, TwinSpec
 from evertwin.config import spec
+from evertwin.fold import copy, make_block
+from evertwin.ledger.versions import Versions
+from evertwin.loop.driver import Driver
+from evertwin.loop.follow import EMPTY
+from evertwin.loop.going_live import goes_live
 from evertwin.models import FunctionModel, Model, Parameters
+from evertwin.models.form import Form
 from evertwin.models.translated import translated
+from evertwin.setup.setup import Setup
 from evertwin.signals import Layout
 from planted.draws import first_of
 
@@ -97,3 +104,19 @@ def test_a_change_is_told_all_the_same(seed: int) -> None:
     result = twin().run(kept(table, rows))
     first = result.of_kind(*FAULTS)[0]
     assert 2400 - 1234 < first.row < 2400 - 1234 + 800
+
+
+@first_of("seed", range(4))
+def test_a_version_held_in_its_trial_whatever_its_hidden_state_had_come_to(seed: int) -> None:
+    """The wall is warm when the trial begins; a simulation from the start has it cold."""
+    setup, table = Setup(twin().spec, vessel()), recorded(seed)
+    versions = Versions(setup.model)
+    driver = Driver(setup, versions, lambda row, said: None)
+    u = np.stack([table["power"], table["room"]], axis=1)
+    rows = make_block((table["t"] * 1e9).astype(np.int64), u, table["gas"][:, None])
+    state = driver.run([rows])
+    for away, held in ((8.0, True), (9.5, False)):
+        number = versions.add(Form(), {"away": away}, parent=0, reason="tuned", row=3200).number
+        tried = copy(state)._replace(other=driver.follow.beside(copy(state.live), number))
+        live = goes_live(driver.follow, tried, number, copy(state.live), EMPTY)
+        assert live.agenda.held == held

@@ -6,8 +6,8 @@ of the mean squares of blocks of rows, summed over outputs). A motion that is ha
 looks the same, so a place counts only if a fit to the rows behind it does worse before it, and
 there, where the inputs had been before, nearly as well as the version did: no version holds for
 both, and the form holds for either. Where play or friction holds a machine back, what it does goes
-by how far its inputs swing, too: a rise that is left to rows at which they swing as they had not
-before tells of no change.
+by how far its inputs swing, too: rows are compared with rows before at which they swung as far, and
+a rise that is left to those at which they swing as they had not before tells of no change.
 """
 
 from __future__ import annotations
@@ -38,6 +38,8 @@ BINS = 20
 SWING, COMMON, FEW = 20, 0.5, 0.25
 """Swings are of so many-th a part of the rows before the place; part of the rise that stays where
 inputs swing as they had before, at least; and part of the rows at which they do, at least."""
+LIKE = 10
+"""Classes of rows by how far inputs swing: each is compared with rows before of its own class."""
 
 
 def split(windows: Windows, place: int) -> tuple[Windows, Windows]:
@@ -112,8 +114,9 @@ def changed(windows: Windows, pose: Callable[[Windows], Problem]) -> int:
         pose: the problem on some of them; it starts at the version as it is.
     """
     whole = pose(windows)
-    place = likely(unchanged(whole))
-    if not place:
+    off = unchanged(whole)
+    place = likely(off)
+    if not place or not _rises(off, whole.rows.u, place):
         return 0
     old, new = split(windows, place)
     values, half = _numbers(whole, settled(pose(new)))
@@ -129,12 +132,14 @@ def changed(windows: Windows, pose: Callable[[Windows], Problem]) -> int:
     now = slice(place, None)
     if not _rises(residual(whole, whole.start), whole.rows.u, place):
         return 0
-    start[now][~_seen(whole.rows.u, place)] = np.nan
-    before, after, worse, left = map(_mean, (start[:place], start[now], fit[:place], fit[now]))
+    alike, known = _alike(whole.rows.u, place)
+    known &= _seen(whole.rows.u, place)
+    before, worse = (_mean(one[:place], alike) for one in (start, fit))
+    after, left = (_mean(one[now][known]) for one in (start, fit))
     rise = float(np.nansum((after - before) / before))
     explained = float(np.nansum((after - left) / before))
-    alike = float(np.nansum((worse - before) / before)) <= PART
-    return place if 0.0 < RESTORED * rise <= explained and not alike else 0
+    both = float(np.nansum((worse - before) / before)) <= PART
+    return place if 0.0 < RESTORED * rise <= explained and not both else 0
 
 
 def _numbers(whole: Problem, fit: Fit) -> tuple[Vector, Vector]:
@@ -151,12 +156,26 @@ def _numbers(whole: Problem, fit: Fit) -> tuple[Vector, Vector]:
 
 def _rises(residual: Outputs, u: Inputs, place: int) -> bool:
     """Is the residual larger from ``place`` on where inputs swing as far as they had before?"""
-    squares, known = np.square(residual), swung(u, place)
+    squares, (alike, known) = np.square(residual), _alike(u, place)
     if known.mean() < FEW:
         return False
-    before, risen, common = map(_mean, (squares[:place], squares[place:], squares[place:][known]))
-    rise, whole = (float(np.nansum((some - before) / before)) for some in (common, risen))
+    old, new = squares[:place], squares[place:]
+    pairs = (_mean(old, alike), _mean(new[known])), (_mean(old), _mean(new))
+    rise, whole = (float(np.nansum((after - before) / before)) for before, after in pairs)
     return rise >= COMMON * whole
+
+
+def _alike(u: Inputs, place: int) -> tuple[Vector, np.ndarray]:
+    """Weights of the rows before ``place`` by which inputs swing as far there as they do on the
+    rows behind it that are known, (place,), and these, (n − place,)."""
+    share = _swings(u, place)
+    kind = np.minimum(LIKE * share, LIKE).astype(int)
+    count = np.bincount(kind[:place], minlength=LIKE + 1)
+    enough = count >= ROWS
+    enough[LIKE] = False  # farther than ever before
+    known = enough[kind[place:]]
+    wanted = np.bincount(kind[place:][known], minlength=LIKE + 1)
+    return (np.where(enough, wanted, 0.0) / np.maximum(count, 1))[kind[:place]], known
 
 
 def swings_alike(before: Windows, now: Windows) -> bool:
@@ -177,6 +196,12 @@ def swung(u: Inputs, place: int) -> np.ndarray:
     >>> bool(swung(u[:800], 400).all()), bool(swung(u, 800).any())
     (True, False)
     """
+    return np.asarray(_swings(u, place)[place:] < 1.0)
+
+
+def _swings(u: Inputs, place: int) -> Vector:
+    """How far inputs swing up to each row, of the farthest before ``place`` and a bin more: the one
+    that swings the farthest by that, (n,)."""
     span = max(place // SWING, ROWS)
     back = (span - 1) // 2  # of the rows up to each
     least = np.where(np.isfinite(u), u, np.inf).min(axis=0)
@@ -185,22 +210,24 @@ def swung(u: Inputs, place: int) -> np.ndarray:
         some(filled, span, axis=0, origin=back, mode="nearest")
         for some in (minimum_filter1d, maximum_filter1d)
     )
-    wide = high - low
-    return np.asarray((wide[place:] <= (1.0 + 1.0 / BINS) * wide[:place].max(axis=0)).all(axis=1))
+    wide, usual = high - low, (1.0 + 1.0 / BINS) * (high - low)[:place].max(axis=0)
+    share = np.where(usual > 0.0, wide / np.where(usual > 0.0, usual, 1.0), wide > 0.0)
+    return np.asarray(share.max(axis=1, initial=0.0))
 
 
 def _seen(u: Inputs, place: int) -> np.ndarray:
-    """Rows from ``place`` on whose inputs had been where they are, and swung no farther."""
+    """Rows from ``place`` on whose inputs had been where they are."""
     low = np.nanmin(u, axis=0)
     wide = np.nanmax(u, axis=0) - low
     bins = np.nan_to_num((u - low) / np.where(wide > 0.0, wide, 1.0) * BINS).astype(int)
-    known = swung(u, place)
+    known = np.ones(len(u) - place, dtype=np.bool_)
     for column in bins.T:
         known &= np.isin(column[place:], column[:place])
     return known
 
 
-def _mean(squares: Outputs) -> PerOutput:
+def _mean(squares: Outputs, weights: Vector | None = None) -> PerOutput:
     """Per output, over the rows that count; NaN where none does."""
-    rows = np.count_nonzero(np.isfinite(squares), axis=0)
-    return np.asarray(np.nansum(squares, axis=0) / np.where(rows, rows, np.nan))
+    by = np.isfinite(squares) * (1.0 if weights is None else weights[:, None])
+    rows = by.sum(axis=0)
+    return np.asarray(np.nansum(squares * by, axis=0) / np.where(rows > 0.0, rows, np.nan))

@@ -94,7 +94,8 @@ def _held(follow: Follow, state: TwinState) -> bool:
     """Was the challenger within what is asked, each output, on the rows of its trial?"""
     setup, version = follow.setup, follow.versions[state.other.version]
     past, windows = (
-        setup.ring.between(state.ring, *span) for span in ((0, version.row), (version.row, state.row))
+        setup.ring.between(state.ring, *span)
+        for span in ((0, version.row), (version.row, state.row))
     )
     model = follow.versions.model(version.number)
     return bool(windows) and _within(setup, left(setup, model, version.p, windows, past), windows)
