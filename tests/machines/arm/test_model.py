@@ -212,7 +212,7 @@ def test_unknown_bodies_are_found_from_rows(tmp_path: Path) -> None:
     text = files("evertwin.machines").joinpath("data", "ur5_like.urdf").read_text("utf-8")
     path = tmp_path / "bare.urdf"
     path.write_text(re.sub("<inertial>.*?</inertial>", "", text, flags=re.S), "utf-8")
-    with pytest.raises(UsageError, match="without a mass, so unknown: .*base = true"):
+    with pytest.raises(UsageError, match=r"without a mass, so unknown: .*base = true"):
         Arm.of(path, law="sign")
     bare, true = Arm.of(path, law="sign", base=True), planted(Arm.of("ur5_like", law="sign"))
     assert all(np.isinf(one.sigma) for one in bare.parameters if one.name.startswith("Ia"))
