@@ -35,7 +35,8 @@ class _Swap(NamedTuple):
     kept: bool
     """Does each channel keep its unit and scale?"""
 
-    def __call__(self, one: Block) -> Block:
+    def of(self, one: Block) -> Block:
+        """The rows, read so."""
         y, (a, b) = one.y.copy(), self.pair
         y[:, a], y[:, b] = one.y[:, b] * self.factor, one.y[:, a] / self.factor
         return one._replace(y=y)
@@ -52,7 +53,7 @@ def look_crossed(view: View, window: Block) -> Iterator[Finding]:
     found = list[tuple[float, _Swap, np.ndarray]]()
     for swap in (swap for pair in pairs[:PAIRS] for swap in _swaps(view, pair)):
         pair = list(swap.pair)
-        after = changed(view, tuned(view, swap), swap(window)).mismatch
+        after = changed(view, tuned(view, swap.of), swap.of(window)).mismatch
         if (after[pair] <= BETTER * missed[pair]).all():
             found.append((float(after[pair].sum()), swap, after))
     if not found:
