@@ -23,6 +23,7 @@ from evertwin.loop.contacts import unsure
 from evertwin.models.spec import ParameterSpec
 from evertwin.rows.ring import Ring
 from evertwin.setup.configured_model import model_of
+from evertwin.sync.spec import SignalSpec
 from planted.draws import first_of
 
 from .test_strides import folded
@@ -112,6 +113,16 @@ def test_a_fit_says_how_many_rows_it_leaves_out() -> None:
     assert found.spoiled == {"force": 7} and clean.spoiled == {}
     assert "rows left out that cannot be a measurement: 7 of force" in str(found)
     assert "left out" not in str(clean)
+
+
+def test_a_fit_says_which_input_is_out_of_its_range() -> None:
+    """A description's limits may be others than the machine's: nearly all rows are gone then."""
+    block = rows()
+    block.u[1200:3200, 0] += 100.0
+    with Twin(replace(AXIS, signals={"speed": SignalSpec(low=-1.0, high=1.0)})) as twin:
+        found = twin.fit((block,))
+    assert found.spoiled == {"speed": 2000}
+    assert "rows left out that cannot be a measurement: 2000 of speed" in str(found)
 
 
 def test_the_kept_rows_of_a_contact_enter_no_fit() -> None:

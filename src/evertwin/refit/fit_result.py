@@ -126,7 +126,7 @@ class FitResult:
     left_out: tuple[Tally, ...] = ()
     """What was wrong with the recordings, and the rows left out for it, by source."""
     spoiled: Mapping[str, int] = field(default_factory=dict)
-    """Output → rows to learn from that cannot be a measurement, and were left out."""
+    """Channel → rows to learn from that cannot be a measurement, and were left out."""
     held: Held | None = None
     """Is the requirement of the twin file reached? None: it has none."""
     failed: Failed | None = None

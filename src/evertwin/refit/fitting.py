@@ -327,10 +327,10 @@ def _held(
 
 
 def _spoiled(model: Model, tasks: tuple[Block, ...]) -> dict[str, int]:
-    """Output → rows that were measured and cannot be; without those that have none."""
-    nu = len(model.inputs)
-    wrong = sum((one.mark[:, nu:] == Mark.ERROR).sum(axis=0) for one in tasks)
-    counts = zip(model.outputs.names, np.asarray(wrong).tolist(), strict=True)
+    """Channel → rows that were measured and cannot be; without those that have none."""
+    wrong = sum((one.mark == Mark.ERROR).sum(axis=0) for one in tasks)
+    names = (*model.inputs.names, *model.outputs.names)
+    counts = zip(names, np.asarray(wrong).tolist(), strict=True)
     return {name: count for name, count in counts if count}
 
 

@@ -216,6 +216,14 @@ def told(fit: Fit, near: Fit, start: Parameters) -> Fit:
     covariance = np.diag(np.square(sigma))
     covariance[np.ix_(here, here)] = near.covariance
     for j, place in enumerate(here):
+        (low, high), value = near.interval95[j].tolist(), float(values[place])
+        if place < k and not low <= value <= high:  # the point is another one
+            if verdict[place] == "not":  # it stays as it was, whatever others would be with it
+                interval95[place], sigma[place] = (-np.inf, np.inf), np.inf
+                continue
+            verdict[place] = "weak"
+            reasons[place] = _elsewhere(reasons[place], near, j)
+            continue
         kept = [part for part in reasons[place].split("; ") if part.startswith("told with ")]
         verdict[place] = near.verdict[j]
         reasons[place] = "; ".join(filter(None, (*kept, near.reasons[j])))
@@ -224,3 +232,10 @@ def told(fit: Fit, near: Fit, start: Parameters) -> Fit:
         start=np.append(fit.start, found), covariance=covariance,
         verdict=tuple(verdict), reasons=tuple(reasons),
     )  # fmt: skip
+
+
+def _elsewhere(before: str, near: Fit, j: int) -> str:
+    """Why a number is weak whose value the problem near it denies."""
+    half = float(np.diff(near.interval95[j])[0]) / 2.0
+    said = f"where others that act alike may move too it is {near.values[j]:.4g} ± {half:.2g}"
+    return "; ".join(filter(None, (before, said)))

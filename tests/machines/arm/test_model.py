@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import itertools
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from importlib.resources import files
@@ -204,3 +205,20 @@ def test_a_body_that_slow_rows_do_not_excite_stays_as_described() -> None:
     for name in (name for name in fit.names if ".I" in name):
         moved = abs(described[name].value - arm.parameters[name].value)
         assert moved <= 2.0 * arm.parameters[name].sigma
+
+
+def test_unknown_bodies_are_found_from_rows(tmp_path: Path) -> None:
+    """A description without masses gives a geometry, from which torques are found as with them."""
+    text = files("evertwin.machines").joinpath("data", "ur5_like.urdf").read_text("utf-8")
+    path = tmp_path / "bare.urdf"
+    path.write_text(re.sub("<inertial>.*?</inertial>", "", text, flags=re.S), "utf-8")
+    with pytest.raises(UsageError, match=r"without a mass, so unknown: .*base = true"):
+        Arm.of(path, law="sign")
+    bare, true = Arm.of(path, law="sign", base=True), planted(Arm.of("ur5_like", law="sign"))
+    assert all(np.isinf(one.sigma) for one in bare.parameters if one.name.startswith("Ia"))
+    u, dt = motion(400), np.full(400, 0.01)
+    y = true.simulate(np.zeros(0), u, dt, true.parameters.values)[1]
+    times = np.arange(400, dtype=np.int64) * 10_000_000
+    names = tuple(one.name for one in bare.parameters if one.editable)
+    fit = solve(Problem(bare, (make_block(t=times, u=u, y=y),), names))
+    assert max(one.rms_after for one in fit.residuals) < 1e-6 * np.abs(y).max()

@@ -13,12 +13,13 @@ by fixed joints is one body. A side branch that moves is refused: name the ``tip
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from evertwin.errors import ModelError
 from evertwin.machines.arm.inertia import Body, Matrix, Position, moved, of_body
+from evertwin.machines.arm.rnea import BODY
 from evertwin.machines.arm.urdf import Joint, Robot
 from evertwin.types import Float64
 
@@ -56,6 +57,14 @@ class Chain:
     def n(self) -> int:
         """Number of joints."""
         return len(self.joints)
+
+    @property
+    def undescribed(self) -> tuple[str, ...]:
+        """Links that nothing is known of: those without a mass. The last may be a flange, where
+        others have one."""
+        masses = self.inertia[::BODY]
+        some = self.links[: self.n - bool(masses.any())]
+        return tuple(link for link, mass in zip(some, masses, strict=False) if not mass > 0.0)
 
 
 def aligned(axis: Position) -> Matrix:
@@ -126,8 +135,8 @@ def serial(
     """The chain from the robot's root to ``tip``.
 
     Raises:
-        ModelError: no or too many moving joints, a moving branch, a moving link without mass that
-            carries others: of the last it is taken as zero, as of a flange, and noted.
+        ModelError: no or too many moving joints, a moving branch. A moving link without mass is
+            noted and taken as zero: the last one as a flange, others as not described.
     """
     children: dict[str, list[Joint]] = {}
     for joint in robot.joints:
@@ -137,7 +146,7 @@ def serial(
     if not 0 < len(moving) <= JOINTS:
         raise ModelError(f"{robot.name}: expected 1 to {JOINTS} moving joints, got {len(moving)}")
     on = {joint.name for joint in moving}
-    reals, bodies, notes = list(gravity), [], robot.notes
+    reals, bodies = list(gravity), []
     frame = np.eye(4)
     for joint in path:
         frame = frame @ _frame(joint.rotation, joint.position)
@@ -147,16 +156,23 @@ def serial(
         here = frame[:3, :3] @ turn
         reals += [*here.ravel(), *frame[:3, 3], float(joint.kind == "prismatic")]
         body = moved(_body(robot, joint.child, on, children), turn.T, np.zeros(3))
-        if not body[0] > 0.0:
-            said = f"link '{joint.child}' moves and has no mass"
-            if joint is not moving[-1]:
-                raise ModelError(f"{robot.name}: {said}: add its <inertial>")
-            notes += (f"{said}: taken as zero, as it is the last one",)
         # What is zero but for rounding is zero: it has no size of its own.
         bodies.append(np.where(np.abs(body) < 1e-12 * np.abs(body).max(), 0.0, body))
         frame = _frame(turn.T, np.zeros(3))
-    return Chain(
+    chain = Chain(
         tuple(j.name for j in moving), tuple(j.child for j in moving), np.array(reals),
         np.concatenate(bodies), frame, tuple((j.low, j.high, j.speed) for j in moving),
-        tuple(j.kind == "prismatic" for j in moving), tuple(j.effort for j in moving), notes,
+        tuple(j.kind == "prismatic" for j in moving), tuple(j.effort for j in moving), robot.notes,
     )  # fmt: skip
+    return replace(chain, notes=chain.notes + _massless(chain))
+
+
+def _massless(chain: Chain) -> tuple[str, ...]:
+    """What is to be known of links without a mass."""
+    unknown, last = chain.undescribed, chain.links[-1]
+    if unknown:
+        found = "base = true finds from recordings what torques need of them"
+        return (f"without a mass, so unknown: {', '.join(unknown)}; {found}",)
+    if chain.inertia[-BODY] > 0.0:
+        return ()
+    return (f"link '{last}' moves and has no mass: taken as zero, as it is the last one",)

@@ -94,7 +94,7 @@ _ORDER = (0, 1, 1, 1, 2, 2, 2, 2, 2, 2)
 def hanging(chain: Chain) -> Float64[np.ndarray, "ny 3"]:
     """Mass [kg], first [kg m] and second moment [kg m²] of all that hangs on each joint, stretched
     out, and of a tool of a tenth of the arm at a tenth of its length; infinite where nothing is
-    described."""
+    described, or a link of it is not."""
     steps = chain.geometry[3:].reshape(-1, 13)[:, 9:12]
     travel = [
         max(map(abs, limits[:2])) if slides and np.isfinite(limits[:2]).all() else 0.0
@@ -104,12 +104,12 @@ def hanging(chain: Chain) -> Float64[np.ndarray, "ny 3"]:
     bodies = chain.inertia.reshape(-1, BODY)
     mass, arm = TOOL * float(bodies[:, 0].sum()), TOOL * float(ahead.sum())
     first, second = mass * arm, mass * arm**2
-    out = np.full((chain.n, 3), np.inf)
+    out, known = np.full((chain.n, 3), np.inf), True
     for j in reversed(range(chain.n)):
-        own = bodies[j]
+        own, known = bodies[j], known and chain.links[j] not in chain.undescribed
         mass, first = mass + float(own[0]), first + float(np.linalg.norm(own[1:4]))
         second += float(own[4] + own[6] + own[9]) / 2
-        if mass > 0.0:
+        if known and mass > 0.0:
             out[j] = mass, first, second
         # seen from one joint further in, all of it is further out
         second += 2.0 * ahead[j] * first + ahead[j] ** 2 * mass

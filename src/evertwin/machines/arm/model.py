@@ -160,6 +160,8 @@ class Arm(StaticMap):
         if "gravity" in more:
             where["gravity"] = tuple(vector("gravity", more["gravity"], (3,), "m/s**2"))
         chain = serial(_described(urdf, more), **where)
+        if chain.undescribed and not base:
+            raise UsageError(f"{chain.notes[-1]}: set it, or give each an <inertial>")
         texts = [law] * chain.n if isinstance(law, str) else list(law)
         shape = shape_of({key: more[key] for key in ("width", "vs", "standstill") if key in more})
         laws = tuple(Law.parse(text).shaped(shape) for text in texts)
