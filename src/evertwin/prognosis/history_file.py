@@ -239,7 +239,9 @@ def _counted(table: Table, clock: str) -> Counted:
             or headings.counting(said, table)
             or headings.numbering(table)
         )
-        return _by_row(table, clock) if by is None else Counted(_whole(table, by), by)
+        if by is None:
+            return _by_row(table, clock)
+        return Counted(np.asarray(from_si(_whole(table, by), table.written.get(by, "1"))), by)
     by = counted_by(table, clock)
     if by is None:
         raise DataError(

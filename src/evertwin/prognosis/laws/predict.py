@@ -236,8 +236,15 @@ def not_begun(indicator: Indicator, problem: Problem) -> NotEnough:
     noise = noise_of(problem.y) * problem.scale
     if not np.ptp(problem.y) > 0.0:
         return NotEnough(f"values that change: all {len(problem.y)} are alike so far")
-    first = problem.y[: max(len(problem.y) // 3, 3)]
-    way = SHARE * (problem.limit - float(np.median(first))) * problem.scale
+    third = max(len(problem.y) // 3, 3)
+    first = float(np.median(problem.y[:third]))
+    way = SHARE * (problem.limit - first) * problem.scale
+    risen = (float(np.median(problem.y[-third:])) - first) * problem.scale
+    if 3.0 * noise < risen < way:
+        return NotEnough(
+            f"growth by {indicator.shown(way)} towards the limit, {SHARE:.0%} of the way, to tell "
+            "how it goes on", f"it has grown by {indicator.shown(risen)} so far",
+        )  # fmt: skip
     return NotEnough(
         f"growth that stands out: {indicator.shown(max(way, 3.0 * noise))} towards the limit from "
         "the lowest level so far, held for as many values as a median needs, and steady enough to "
