@@ -45,7 +45,7 @@ from evertwin.prognosis.laws.alarms import alarm_of
 from evertwin.prognosis.laws.calendar import FIRST, UNITS
 from evertwin.prognosis.laws.hypotheses import LAWS
 from evertwin.prognosis.laws.indicator import Direction
-from evertwin.prognosis.like_machines import Likes, fleet_of
+from evertwin.prognosis.like_machines import Likes, fleet_of, past_of
 from evertwin.prognosis.lives import ComponentLife, Lives, said
 from evertwin.prognosis.steps import back_of, check_steps, shift_of
 from evertwin.prognosis.value_columns import CLOCKS, value_columns
@@ -111,7 +111,9 @@ def life_of_series(asked: Series, *, drawn: bool = False) -> Lives:
     check_end(own, table.name, table)
     check_steps(own, table.name, known.lines)
     bare = None if rule.unit else own
-    likes = fleet_of(Likes(rule, limit, clock, asked.fleet, asked.failed, own=bare))
+    likes = fleet_of(
+        Likes(rule, limit, clock, asked.fleet, asked.failed, own=bare, past=past_of(own))
+    )
     fleet, unlike = of_its_type(own, likes)
     if asked.from_today:
         own = seen(own, today_of((own,)))
