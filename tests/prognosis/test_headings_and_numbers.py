@@ -100,3 +100,33 @@ def test_a_share_beside_per_cent_is_asked_back(
             life_of_series(asked)
     else:
         assert life_of_series(asked).components
+
+
+@pytest.mark.parametrize("head", ["cut", "valve openings", "Odometer km", "distance [km]"])
+def test_a_counter_of_any_name_is_the_clock_once_the_values_are_named(
+    head: str, tmp_path: Path
+) -> None:
+    file = table(tmp_path, f"{head},wear", "{k}5,{v:.3f}")  # rows of ten
+    found = life_of_series(Series(file, 5.0, column="wear"))
+    assert 90.0 < found.components["wear"].urgency < 420.0
+    assert found.clock == head.split(" [")[0]
+
+
+def test_which_of_two_columns_that_rise_is_the_counter_is_asked(tmp_path: Path) -> None:
+    file = table(tmp_path, "cut,wear", "{k}5,{v:.3f}")
+    with pytest.raises(UsageError, match="life is counted by cut, which rises with every row"):
+        life_of_series(Series(file, 5.0))
+    dated = table(tmp_path, "lot,day,wear", "{k}5,2026-03-01 {h:02d}:00,{v:.3f}", WORN[:24])
+    assert life_of_series(Series(dated, 5.0, column="wear")).clock == "h"
+
+
+def test_a_limit_far_beyond_all_growth_is_asked_back(tmp_path: Path) -> None:
+    file = table(tmp_path, "run,wear", "{k},{v:.3f}", 0.01 + 5.0 * (WORN - 2.0))
+    with pytest.raises(DataError, match=r"the limit is 15000: .* times as much"):
+        life_of_series(Series(file, 15000.0))
+    assert life_of_series(Series(file, 15.0)).components
+
+
+def test_growth_that_is_seen_and_too_little_yet_is_told_as_such(tmp_path: Path) -> None:
+    file = table(tmp_path, "run,wear", "{k},{v:.3f}")
+    assert "it has grown by 1.3" in str(life_of_series(Series(file, 60.0)))

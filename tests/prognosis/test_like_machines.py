@@ -196,3 +196,25 @@ def test_a_fleet_that_counts_by_another_clock_is_refused(head: str, tmp_path: Pa
         file.write_text("\n".join([first.replace("run", head), *rows]))
     with pytest.raises(DataError, match=f"expected a column 'run'.*, got {head}: add one"):
         life_of_series(Series(own, 2.0, column="wear", fleet=fleet))
+
+
+@pytest.mark.parametrize(("earlier", "likes"), [(3, False), (5, True)])
+def test_earlier_lives_of_the_machine_are_like_machines(
+    earlier: int, likes: bool, tmp_path: Path
+) -> None:
+    rng, rows, begun = np.random.default_rng(earlier), ["h,wear,maintenance"], 0.0
+    for number in range(earlier + 1):
+        life = float(rng.uniform(90.0, 110.0))
+        for age in np.arange(0.0, 0.6 * life if number == earlier else life + 3.0):
+            wear = 2.0 * (age / life) ** 2 + 0.02 * rng.standard_normal()
+            said = "replaced" if number and age == 0.0 else ""
+            rows.append(f"{begun + age:.1f},{wear:.4f},{said}")
+        begun += age + 1.0
+    file = tmp_path / "pump.csv"
+    file.write_text("\n".join(rows) + "\n")
+    told = life_of_series(Series(file, 2.0)).components["wear"]
+    assert (told.fleet is not None) == likes
+    assert isinstance(told.life, Life)
+    low, high = told.life.interval80
+    assert low < 0.4 * life < high
+    assert (high < 2.5 * low) == likes

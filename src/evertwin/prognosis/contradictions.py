@@ -194,6 +194,10 @@ def check_limit(own: Indicator, where: str, *, alone: bool = True) -> None:
     value, limit, name = life.value[good], own.limit.value, own.name
     size = float(np.median(np.abs(value)))
     from_zero = np.ptp(value) > 0.5 * size
+    third = len(value) // 3
+    if from_zero and third >= FEW:
+        grown = np.quantile(np.abs(value[-third:]), 0.1) > np.quantile(np.abs(value[:third]), 0.9)
+        size, from_zero = float(np.max(np.abs(value))), not grown
     if limit and size and not from_zero and not 1.0 / FAR < abs(limit) / size < FAR:
         raise DataError(
             f"{where}: {name}: values are about {size:.4g}, the limit is {limit:g}: "

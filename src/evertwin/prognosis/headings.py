@@ -93,8 +93,21 @@ def mileage_of(table: Table) -> str | None:
     """A column that counts a way, or strokes, and never falls."""
     for name in table.names:
         rest = [word for word in _words(name) if word not in _BESIDE]
-        at = table.column(name) if len(rest) == 1 and rest[0] in _WAYS else np.zeros(0)
+        at = table.column(name) if rest and _WAYS.issuperset(rest) else np.zeros(0)
         if len(at) > 1 and np.isfinite(at).all() and (np.diff(at) >= 0.0).all() and at[-1] > at[0]:
+            return name
+    return None
+
+
+def rising(table: Table, column: str = "") -> str | None:
+    """The first column beside the values that rises with every row, in a table without dates.
+
+    >>> rising(Table("a.csv", {"cut": np.array([5.0, 10.0]), "wear": np.array([1.0, 2.0])}), "wear")
+    'cut'
+    """
+    for name in () if table.dates else table.names:
+        steps = np.diff(table.column(name))
+        if name != column and name.lower() not in COUNTS and len(steps) and (steps > 0.0).all():
             return name
     return None
 

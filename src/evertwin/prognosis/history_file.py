@@ -234,12 +234,11 @@ def _counted(table: Table, clock: str) -> Counted:
     there = (*table.names, *table.text)
     if clock not in UNITS:
         said = (clock, "run", "cycle")
-        by = (
-            headings.found_in(said, there)
-            or headings.counting(said, table)
-            or headings.numbering(table)
-        )
-        return _by_row(table, clock) if by is None else Counted(_whole(table, by), by)
+        by = headings.found_in(said, there) or headings.counting(said, table)
+        by = by or headings.numbering(table)
+        if by is None:
+            return _by_row(table, clock)
+        return Counted(np.asarray(from_si(_whole(table, by), table.written.get(by, "1"))), by)
     by = counted_by(table, clock)
     if by is None:
         raise DataError(

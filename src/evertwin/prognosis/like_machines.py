@@ -21,11 +21,14 @@ from evertwin.prognosis.headings import counting
 from evertwin.prognosis.health import indicator_of, series_of
 from evertwin.prognosis.history_file import counted_by
 from evertwin.prognosis.laws import Fleet, Indicator, Limit, Maintenance, learn
+from evertwin.prognosis.laws.predict import has_ended
 from evertwin.prognosis.parameter_history import History, history
 from evertwin.prognosis.value_columns import value_columns
 from evertwin.sources.texts.small_table import Table, read_table
 from evertwin.store import SqliteStore
 
+ENOUGH = 4
+"""Earlier lives that ended from which they tell more than the series itself."""
 FLEETS = 8
 """Fleets that a process remembers."""
 _LEARNED: dict[str, Fleet] = {}
@@ -52,6 +55,8 @@ class Likes:
     parameters: Parameters | None = None
     own: Indicator | None = None
     """The machine that is asked for, where its values state no unit."""
+    past: tuple[Indicator, ...] = ()
+    """Earlier lives of the machine that is asked for."""
 
 
 def files_of(patterns: Sequence[str], folder: Path, own: Sequence[Path] = ()) -> tuple[Path, ...]:
@@ -74,20 +79,32 @@ def files_of(patterns: Sequence[str], folder: Path, own: Sequence[Path] = ()) ->
     return tuple(found)
 
 
+def past_of(own: Indicator) -> tuple[Indicator, ...]:
+    """Lives before the current one, each by its number."""
+    return tuple(one.with_(name=f"life {k}") for k, one in enumerate(own.lives()[:-1], 1))
+
+
 def fleet_of(asked: Likes) -> Fleet | None:
-    """What like machines tell, learned once from their files; None without any.
+    """What like machines and earlier lives tell, learned once; None without any.
+
+    Earlier lives alone tell from `ENOUGH` that ended on: fewer say less than the series itself.
 
     Raises:
         UsageError: fewer than two of their lives ended.
         DataError: one of them cannot be read; with its row.
     """
     files = (*asked.files, *(one for one in asked.failed if one not in asked.files))
-    if not files:
+    past = asked.past
+    if not files and sum(map(has_ended, past)) < ENOUGH:
         return None
+    before = [(one.at.tobytes(), one.value.tobytes(), one.maintenance) for one in past]
     written = [(str(file), file.stat().st_mtime_ns) for file in files]
-    key = repr((asked.rule, asked.limit, asked.clock, asked.failed, written, asked.own is None))
+    key = repr(
+        (asked.rule, asked.limit, asked.clock, asked.failed, written, asked.own is None, before)
+    )
     if key not in _LEARNED:
-        lived, taken = zip(*(_named(asked, file) for file in files), strict=True)
+        named = [_named(asked, file) for file in files]
+        lived, taken = [one for one, _ in named], [column for _, column in named]
         if asked.own is not None:
             check_units(lived, asked.own)
         while len(_LEARNED) >= FLEETS:
@@ -96,7 +113,7 @@ def fleet_of(asked: Likes) -> Fleet | None:
             f"{asked.rule.name}: its like machines tell {column}, their only column: the same?"
             for column in dict.fromkeys(filter(None, taken))
         )
-        _LEARNED[key] = replace(learn(lived), notes=tuple(notes))
+        _LEARNED[key] = replace(learn(lived, past), notes=tuple(notes))
     return _LEARNED[key]
 
 

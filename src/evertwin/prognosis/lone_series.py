@@ -35,6 +35,7 @@ from evertwin.prognosis.headings import (
     mileage_of,
     named,
     plainly,
+    rising,
     seconds_of,
 )
 from evertwin.prognosis.health import indicator_of, seen, today_of, unless_overdue
@@ -44,7 +45,7 @@ from evertwin.prognosis.laws.alarms import alarm_of
 from evertwin.prognosis.laws.calendar import FIRST, UNITS
 from evertwin.prognosis.laws.hypotheses import LAWS
 from evertwin.prognosis.laws.indicator import Direction
-from evertwin.prognosis.like_machines import Likes, fleet_of
+from evertwin.prognosis.like_machines import Likes, fleet_of, past_of
 from evertwin.prognosis.lives import ComponentLife, Lives, said
 from evertwin.prognosis.steps import back_of, check_steps, shift_of
 from evertwin.prognosis.value_columns import CLOCKS, value_columns
@@ -96,7 +97,7 @@ def life_of_series(asked: Series, *, drawn: bool = False) -> Lives:
     """
     table = read_table(asked.file)
     column = named(table, asked.column) if asked.column else _column(table)
-    clock = asked.clock or _clock(table)
+    clock = asked.clock or _clock(table, asked.column)
     limit = Limit(
         _limit(asked.limit, table, column, below=asked.direction == "below"), asked.direction
     )
@@ -110,13 +111,17 @@ def life_of_series(asked: Series, *, drawn: bool = False) -> Lives:
     check_end(own, table.name, table)
     check_steps(own, table.name, known.lines)
     bare = None if rule.unit else own
-    likes = fleet_of(Likes(rule, limit, clock, asked.fleet, asked.failed, own=bare))
+    likes = fleet_of(
+        Likes(rule, limit, clock, asked.fleet, asked.failed, own=bare, past=past_of(own))
+    )
     fleet, unlike = of_its_type(own, likes)
     if asked.from_today:
         own = seen(own, today_of((own,)))
     life = unless_overdue(own, predict_life(own, fleet=fleet))
     told = (*unlike, *_shifted(own, fleet, known.lines), *_stepped_back(own, known.lines))
     told += _away(own, life)
+    if not asked.clock and clock not in (*CLOCKS, mileage_of(table)):
+        told += (f"{table.name}: life is counted by {clock}, which rises with every row",)
     own = own.with_(notes=(*own.notes, *told))
     one = ComponentLife(column, rule, own, life, life, Formula.parse("1"), fleet=fleet)
     if drawn and isinstance(life, Life):
@@ -309,15 +314,17 @@ def _column(table: Table) -> str:
         if 2 * sum(cell[:1] in set("+-0123456789") for cell in cells) > len(cells):
             table.column(name)  # says by which cell it holds no numbers
     if len(there) != 1:
+        by = rising(table) if _clock(table) == "run" else None
+        also = f"; life is counted by {by}, which rises with every row, where you name another"
         raise UsageError(
             f"{table.name}: expected one column of values, got {', '.join(there) or 'none'}: name "
-            "it with --column"
+            f"it with --column{also if by else ''}"
         )
     return there[0]
 
 
-def _clock(table: Table) -> str:
-    """What life is counted in, by the columns that there are."""
+def _clock(table: Table, column: str = "") -> str:
+    """What life is counted in, by the columns that there are beside a ``column`` that was named."""
     names = {plainly(n) for n in table.names if is_timely(table, n)}
     if found := [clock for clock in CLOCKS if clock in names]:
         return found[0]
@@ -326,7 +333,8 @@ def _clock(table: Table) -> str:
     by = counted_by(table)
     if by is None:
         by = counting(("h", "d"), table)
-        return clock_of(by) if by else mileage_of(table) or "run"
+        way = mileage_of(table) or (rising(table, column) if column else None)
+        return clock_of(by) if by else way or "run"
     if by not in table.units and seconds_of(by) != 1.0:
         return "h" if seconds_of(by) < UNITS["h"] else "d"
     at, _ = in_seconds(table, by)

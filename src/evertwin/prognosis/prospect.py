@@ -43,7 +43,7 @@ from evertwin.prognosis.laws import (
 from evertwin.prognosis.laws.alarms import alarm_of
 from evertwin.prognosis.laws.calendar import Calendar
 from evertwin.prognosis.laws.hypotheses import LAWS
-from evertwin.prognosis.like_machines import Likes, files_of, fleet_of
+from evertwin.prognosis.like_machines import Likes, files_of, fleet_of, past_of
 from evertwin.prognosis.limits import accuracy_limit, breakdown_limits, limit_of
 from evertwin.prognosis.lives import ComponentLife, Lives, said
 from evertwin.prognosis.observed_series import Observed, component_of
@@ -155,15 +155,16 @@ class Prospect:
         felt = accuracy_limit(case.model, case.p, case.future, rule, new)
         return None if felt is None else float(to_si(felt, item.unit))
 
-    def fleet(self, rule: IndicatorSpec, limit: Limit) -> Fleet | None:
-        """What like machines tell of an indicator; None without any."""
+    def fleet(self, rule: IndicatorSpec, indicator: Indicator) -> Fleet | None:
+        """What like machines and earlier lives tell of an indicator; None without any."""
         own = self.basis.setup.spec.store.place(self.folder)
         mine = (own,) if isinstance(own, Path) else ()
         files, failed = (
             files_of(names, self.folder, mine) for names in (self.rule.fleet, self.rule.failed)
         )
         return fleet_of(Likes(
-            rule, limit, self.rule.clock, files, failed, self.parts, self.basis.model.parameters
+            rule, indicator.limit, self.rule.clock, files, failed, self.parts,
+            self.basis.model.parameters, past=past_of(indicator),
         ))  # fmt: skip
 
     @cached_property
@@ -184,7 +185,7 @@ class Prospect:
     def life(self, rule: IndicatorSpec, *, drawn: bool = False) -> ComponentLife:
         """The life that one indicator tells; ``drawn``: with its course."""
         indicator = self.series[self.basis.setup.spec.indicator.index(rule)]
-        laws, likes = rule.laws or LAWS, self.fleet(rule, indicator.limit)
+        laws, likes = rule.laws or LAWS, self.fleet(rule, indicator)
         fleet, unlike = of_its_type(indicator, likes)
         indicator = indicator.with_(notes=(*indicator.notes, *unlike))
         before = life = unless_overdue(indicator, predict_life(indicator, laws, fleet))

@@ -236,8 +236,15 @@ def not_begun(indicator: Indicator, problem: Problem) -> NotEnough:
     noise = noise_of(problem.y) * problem.scale
     if not np.ptp(problem.y) > 0.0:
         return NotEnough(f"values that change: all {len(problem.y)} are alike so far")
-    first = problem.y[: max(len(problem.y) // 3, 3)]
-    way = SHARE * (problem.limit - float(np.median(first))) * problem.scale
+    third = max(len(problem.y) // 3, 3)
+    first = float(np.median(problem.y[:third]))
+    way = SHARE * (problem.limit - first) * problem.scale
+    risen = (float(np.median(problem.y[-third:])) - first) * problem.scale
+    if 3.0 * noise < risen < way:
+        return NotEnough(
+            f"growth by {indicator.shown(way)} towards the limit, {SHARE:.0%} of the way, to tell "
+            "how it goes on", f"it has grown by {indicator.shown(risen)} so far",
+        )  # fmt: skip
     return NotEnough(
         f"growth that stands out: {indicator.shown(max(way, 3.0 * noise))} towards the limit from "
         "the lowest level so far, held for as many values as a median needs, and steady enough to "
@@ -288,18 +295,19 @@ def lived(indicator: Indicator) -> End | None:
     return End(float(np.clip(end, at[0], at[-1])) - origin)
 
 
-def learn(histories: Sequence[Indicator]) -> Fleet:
-    """What a fleet of like machines knows.
+def learn(histories: Sequence[Indicator], past: Sequence[Indicator] = ()) -> Fleet:
+    """What a fleet of like machines knows, and earlier lives of the machine itself.
 
     Raises `UsageError` unless at least two lives ended.
 
     Args:
         histories: one indicator per machine, by name, with all its lives; those that neither failed
             nor passed their limit count with their age.
+        past: lives, each for itself, after each of which another one began.
     """
     every = [history.lives() for history in histories]
-    lives = [one for own in every for one in own]
-    last = [one is own[-1] for own in every for one in own]
+    lives = [*(one for own in every for one in own), *past]
+    last = [*(one is own[-1] for own in every for one in own), *(False for _ in past)]
     ends = [lived(one) for one in lives]
     members = tuple(map(member, lives, ends, last))
     ways = [way for life, end in zip(lives, ends) if (way := _way(life, end)) is not None]
@@ -307,6 +315,12 @@ def learn(histories: Sequence[Indicator]) -> Fleet:
         got = "; ".join(one.said for one in members) or "none"
         raise UsageError(f"fleet: expected at least two lives that ended, got {got}")
     return Fleet.of(ways, members)
+
+
+def has_ended(life: Indicator) -> bool:
+    """Whether a life is known to its end, and how it came there."""
+    end = lived(life)
+    return end is not None and _way(life, end) is not None
 
 
 def _way(life: Indicator, end: End | None) -> Way | None:
