@@ -48,7 +48,7 @@ PORTS = {"5020": "modbus", "1883": "mqtt", "8700": "http"}
 
 
 class Act(NamedTuple):
-    """Something that is done to a machine, in seconds of its clock.
+    """Something that is done to a machine, in seconds of its time-lapse.
 
     >>> Act(200.0, "arm", "friction.2=1.3", "axis 2 rubs 30 % more").orders
     'friction.2=1.3'
@@ -118,11 +118,11 @@ class Screen:
 
     @property
     def seconds(self) -> float:
-        """Of ours, since the machines run."""
+        """Of ours, since the first machine runs."""
         return time.monotonic() - self._began
 
     def begin(self) -> None:
-        """The machines run."""
+        """The first machine runs."""
         self._began = time.monotonic()
 
     def say(self, who: str, text: str) -> None:
@@ -208,22 +208,28 @@ async def _beside(
         alive.say("both machines start (MuJoCo, processes of their own)")
         waiting = (asyncio.to_thread(one.reached) for one in machines.values())
         reached = await asyncio.gather(*waiting)
-        await service.start()
+        starting = asyncio.create_task(service.start())
+        while not (_listening(service, machines) or starting.done()):
+            await asyncio.sleep(0.1)
     truth = Truth()
     source.open()
     listening = asyncio.create_task(truth.listen(source))
     controls = {name: one["control"] for name, one in zip(machines, reached)}
-    for control in controls.values():
-        await asyncio.to_thread(told, control, f"speed={screen.speed:g}")
     screen.begin()
-    screen.say("", f"both machines run; time-lapse: {screen.speed:g} of their seconds in one")
     said = {name: Told() for name in service.runners}
-    story = list(STORY)
+    story, runs = list(STORY), dict[str, float]()  # machine → seconds when its time-lapse began
     try:
-        while screen.seconds < seconds:
+        while len(runs) < len(machines) or screen.seconds < max(runs.values()) + seconds:
+            if starting.done():
+                starting.result()
+            for name in _listening(service, machines).difference(runs):
+                await asyncio.to_thread(told, controls[name], f"speed={screen.speed:g}")
+                runs[name] = screen.seconds
+                screen.say(name, f"runs; time-lapse: {screen.speed:g} of its seconds in one")
             await asyncio.sleep(0.1)
-            while story and story[0].at <= screen.seconds * screen.speed:
-                act = story.pop(0)
+            lapsed = {name: (screen.seconds - since) * screen.speed for name, since in runs.items()}
+            for act in [one for one in story if one.at <= lapsed.get(one.machine, -1.0)]:
+                story.remove(act)
                 await asyncio.to_thread(told, controls[act.machine], act.orders)
                 screen.say("you", act.says)
             for name, runner in service.runners.items():
@@ -238,6 +244,12 @@ async def _beside(
         if off is not None:
             twins[name]["off_truth"] = {"place": off[0], "heading": off[1]}
     return {"twins": twins}
+
+
+def _listening(service: Service, machines: Mapping[str, LiveMachine]) -> set[str]:
+    """Machines whose twins listen, or never will."""
+    states = {name: runner.state for name, runner in service.runners.items()}
+    return {name for name in machines if states.get(f"{name}_live", "starting") != "starting"}
 
 
 def _listen(runner: Runner, said: Told, screen: Screen, begun: float) -> None:

@@ -25,6 +25,7 @@ from evertwin.config.spec import ArraySpec, TwinSpec
 from evertwin.engine import EngineSpec, Pool
 from evertwin.features.perception import Perception
 from evertwin.fold import Chunk
+from evertwin.models.contract import PartialModel
 from evertwin.models.terms import kernel
 from evertwin.refit.workers import setup_of
 from evertwin.service.status import MAKING
@@ -36,14 +37,15 @@ from evertwin.trial import Recovery
 from evertwin.twin import Twin
 
 LOG = logging.getLogger("evertwin.service")
-NICE = 10
-"""By how much machines and twins go before the compiler."""
+NICE = (0, 10)
+"""Processes that compile side by side, at most, and by how much machines and twins go before each:
+what twins wait for comes first."""
 LONGEST = 3600.0
 """Time that compiling for one twin may take [s]."""
 
 
 class Beside:
-    """Compiles what twins need in a process of its own; until it is done each function of this
+    """Compiles what twins need in processes of their own; until it is done each function of this
     process runs plain until its machine code is there, or would pay. Scans alone are more than
     plain Python keeps up with: a twin that perceives waits for their code.
 
@@ -52,8 +54,12 @@ class Beside:
     """
 
     def __init__(self, specs: Sequence[TwinSpec]) -> None:
-        self._specs = specs
+        perceive = [(warm_scans, spec) for spec in specs if spec.perception is not None]
+        rest = [(job, spec) for job in (warm_early, warm) for spec in specs]
+        self._waiting, self._scans = iter([*perceive, *rest]), len(perceive)
         self._perceiving = threading.Event()
+        if not perceive:
+            self._perceiving.set()
 
     def wait(self, spec: TwinSpec) -> None:
         """Until a twin may begin."""
@@ -63,18 +69,25 @@ class Beside:
 
     async def run(self) -> None:
         """One twin after the other: scans, what is felt first, then the rest."""
-        pool = Pool(1, EngineSpec(time=LONGEST, memory=16.0), partial(os.nice, NICE))
         try:
-            for job in (warm_scans, warm_early, warm):
-                for spec in self._specs:
-                    done = asyncio.to_thread(pool.map, job, [spec])
-                    (wrong,) = await asyncio.gather(done, return_exceptions=True)
-                    if isinstance(wrong, BaseException):  # its start says the same, and ends it
-                        LOG.warning("%s: not compiled before it pays: %s", spec.name, wrong)
-                self._perceiving.set()
+            await asyncio.gather(*(self._lane(nice) for nice in NICE[: os.cpu_count()]))
             at_once()
         finally:
             self._perceiving.set()
+
+    async def _lane(self, nice: int) -> None:
+        """Takes what is next as long as something waits."""
+        pool = Pool(1, EngineSpec(time=LONGEST, memory=16.0), partial(os.nice, nice))
+        try:
+            for job, spec in self._waiting:
+                done = asyncio.to_thread(pool.map, job, [spec])
+                (wrong,) = await asyncio.gather(done, return_exceptions=True)
+                if isinstance(wrong, BaseException):  # its start says the same, and ends it
+                    LOG.warning("%s: not compiled before it pays: %s", spec.name, wrong)
+                self._scans -= job is warm_scans
+                if not self._scans:
+                    self._perceiving.set()
+        finally:
             await asyncio.to_thread(pool.close)
 
 
@@ -94,13 +107,15 @@ def warm_scans(spec: TwinSpec) -> None:
 
 def warm_early(spec: TwinSpec) -> None:
     """What goes through many rows at once, so plain Python is slow at it: limits of a new version,
-    roll-outs, terms of a correction."""
+    roll-outs, columns of a fit, terms of a correction."""
     at_once()
     model = setup_of(spec).model
     p = model.parameters.values
     u, dt = np.zeros((2, len(model.inputs))), np.full(2, 0.1)
     limit_for(np.random.default_rng(0).normal(size=100), 0.5, 1e4, np.random.default_rng(0))
     model.simulate(model.initial(p), u, dt, p)
+    if isinstance(model, PartialModel):
+        model.partial(model.initial(p), u, dt, p, model.columns)
     kernel.ready()
 
 

@@ -278,6 +278,6 @@ def fitted(scan: Surface, view: Known, expected: Expected, start: Pose) -> Fit:
     # without the expectation: where its pull and the scan's were in balance
     alone = pose + np.linalg.solve(information + np.eye(3), weight @ (pose - prior))
     r = min(max(alike, 0.0), MOST_ALIKE)
-    firm = firmness(scan, len(scan), *view, pose, scale, expected.shared)
+    firm = firmness(scan, len(scan), *view, pose, scale, float(expected.shared))
     honest = firm * ((1 - r) / (1 + r) / GAUSSIAN)
     return Fit(pose, share, covariance, Sighting(alone, honest), scale)
