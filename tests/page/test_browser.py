@@ -54,7 +54,22 @@ NEWEST = """() => {
   const { scrollWidth, clientWidth } = document.querySelector(".newest .scroll");
   return [scrollWidth, clientWidth];
 }"""
-"""In one: the table is another one with each row that comes."""
+RENEWED = """async () => {
+  const { h, renew, table } = await import("/static/dom.js");
+  const pane = h("div", {});
+  document.querySelector("#main").append(pane);
+  const shown = (...rows) => renew(pane, table("Newest", ["", "value"], rows));
+  shown(["x", "1 m"], ["v", "2 m/s"]);
+  const region = pane.firstChild;
+  region.focus();
+  const held = () => pane.firstChild === region && document.activeElement === region;
+  shown(["x", "3 m"], ["v", "4 m/s"]);
+  const same = [held(), region.querySelector("tbody").textContent];
+  shown(["x", "5 m"]);
+  const other = [held(), pane.querySelector("tbody").textContent];
+  pane.remove();
+  return [same, other];
+}"""
 WIDE = """async () => {
   const { h, table } = await import("/static/dom.js");
   const { parted, quantity } = await import("/static/words.js");
@@ -309,6 +324,13 @@ def test_a_label_acts_and_what_it_changed_stands_beside_the_event(shown: Shown) 
     (said,) = [e for e in events if e["kind"] == "heeded"]
     assert said["evidence"]["event"] == number and page.evaluate("window.hit") is None
     picture(page, "twin/robot/events")
+
+
+def test_a_table_of_the_newest_values_keeps_the_place_of_keyboard_and_selection(
+    shown: Shown,
+) -> None:
+    said = shown.go("").evaluate(RENEWED)
+    assert said == [[True, "x3 mv4 m/s"], [False, "x5 m"]]
 
 
 def test_a_channel_that_is_not_what_it_was_is_no_wrong_form(shown: Shown) -> None:

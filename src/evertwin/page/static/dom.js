@@ -35,6 +35,20 @@ export function put(element, ...children) {
   return element;
 }
 
+/** The same, changed in place where only words and attributes differ: a selection and the keyboard's place stay. */
+export function renew(element, fresh) {
+  return element.firstChild && became(element.firstChild, fresh) ? element : put(element, fresh);
+}
+
+/** Makes a node what a fresh one is; false: it is built otherwise. */
+function became(old, fresh) {
+  if (old.nodeName !== fresh.nodeName || old.childNodes.length !== fresh.childNodes.length) return false;
+  if (old instanceof Text && old.data !== fresh.data) old.data = fresh.data;
+  for (const { name } of [...(old.attributes ?? [])]) if (!fresh.hasAttribute(name)) old.removeAttribute(name);
+  for (const { name, value } of fresh.attributes ?? []) if (old.getAttribute(name) !== value) old.setAttribute(name, value);
+  return [...fresh.childNodes].every((child, k) => became(old.childNodes[k], child));
+}
+
 /** A table from headings and rows of cells. */
 export function table(caption, headings, rows) {
   return h("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": caption },

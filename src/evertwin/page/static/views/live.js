@@ -1,7 +1,7 @@
 // One twin as it runs: the verdict, the machine beside its ghost, signals over time, the service's log.
 
 import { Axis, Chart, fromPixels, fromRows } from "../chart.js";
-import { h, put, table } from "../dom.js";
+import { h, put, renew, table } from "../dom.js";
 import { arm, exceeds, floor, leaning, robot, Scene } from "../scene.js";
 import { verdict } from "../verdict.js";
 import { age, clock, number, levelOf, parted, quantity, trimmed, unitOf } from "../words.js";
@@ -222,7 +222,7 @@ class Live {
       return [name, ...[quantity(last(one?.measured), level, size), quantity(last(one?.predicted), level, size), quantity(last(one?.residual), unit)].map(parted)];
     });
     const old = this.context.twins.find((one) => one.name === this.twin)?.age ?? null;
-    put(this.values, table(`Newest row (${rows.newest}), ${age(old)}${old >= 1 ? " old" : ""}`, ["", "measured", "predicted", "off by"], lines));
+    renew(this.values, table(`Newest row (${rows.newest}), ${age(old)}${old >= 1 ? " old" : ""}`, ["", "measured", "predicted", "off by"], lines));
   }
 
   async #scene() {
