@@ -88,6 +88,12 @@ def test_a_truncated_row_is_left_out(call: Command, folder: Path) -> None:
     assert code == 1 and "truncated" in found["missing"][0]["reason"]
 
 
+def test_a_recording_that_stands_alone_is_told_its_option(call: Command) -> None:
+    for words, option in (("run", "--data"), ("fit", "--train and --test")):
+        done = call(words, "robot.toml", "robot.csv")
+        assert done.code == 2 and f"recordings are named by {option}" in done.err
+
+
 def test_a_missing_column_is_named_with_the_nearest(call: Command, folder: Path) -> None:
     text = (folder / "robot.csv").read_text()
     (folder / "robot.csv").write_text(text.replace("t,v,x", "t,v,xx", 1))

@@ -314,8 +314,18 @@ def main(arguments: list[str] | None = None) -> None:
             if type(error).__name__ == "NoArgsIsHelpError":
                 typer.echo(shown(), err=True)
                 sys.exit(2)
-            _fail(f"{shown()}\nsee: evertwin {_command(error)}--help", 2, words)
+            said = shown() + _belongs(error)
+            _fail(f"{said}\nsee: evertwin {_command(error)}--help", 2, words)
         _bug(error, words)
+
+
+def _belongs(error: Exception) -> str:
+    """By what option files are named, where one more stands alone."""
+    command = getattr(getattr(error, "ctx", None), "command", None)
+    options = {name for one in getattr(command, "params", ()) for name in one.opts}
+    named = [name for name in ("--data", "--train", "--test") if name in options]
+    alone = "extra argument" in str(error) and bool(named)
+    return f"; recordings are named by {' and '.join(named)}" if alone else ""
 
 
 def _command(error: Exception) -> str:
