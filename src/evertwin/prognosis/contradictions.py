@@ -79,6 +79,32 @@ def refuse_number(table: Table, name: str) -> None:
     )
 
 
+def doubled(table: Table, by: str, at: Vector, rows: tuple[np.ndarray, np.ndarray]) -> str:
+    """What to do about two values for one moment: the rows of the first of each, and of the second.
+
+    >>> again = Table("a.csv", {"h": np.array([0.0, 9.0, 0.0])}, lines=(2, 3, 4))
+    >>> doubled(again, "h", again.numbers["h"], (np.array([0]), np.array([2])))[:26]
+    'h starts again in row 4: c'
+    """
+    first, second = rows
+    if set_back(table, by, at, (int(first[0]), int(second[0]))):
+        return "was the clock set back there? Write dates in UTC, or with their zone"
+    columns = {n: np.asarray(c) for n, c in (*table.text.items(), *table.numbers.items())}
+    for other, cells in columns.items():
+        few = 2 * len(np.unique(cells)) <= len(cells)
+        if few and len(first) > 1 and (cells[first] != cells[second]).all():
+            return (
+                f"delete one, or write their mean; of several machines keep the rows of one {other}"
+            )
+    falls = np.flatnonzero(np.diff(at) < 0.0) + 1
+    if len(falls) and 3 * len(falls) <= len(at) and (at[falls] - at[0] <= 0.25 * np.ptp(at)).all():
+        return (
+            f"{by} starts again in row {table.lines[falls[0]]}: count on there beyond "
+            f"{at[falls[0] - 1]:g}, with 'replaced' in a column maintenance if a new life began"
+        )
+    return "delete one, or write their mean"
+
+
 def set_back(table: Table, by: str, at: Vector, rows: tuple[int, int]) -> bool:
     """Was the clock set back between two rows of one moment, by seconds ``at``?
 

@@ -37,9 +37,9 @@ from evertwin.prognosis import headings
 from evertwin.prognosis.contradictions import (
     check_times,
     check_values,
+    doubled,
     is_serial,
     refuse_number,
-    set_back,
 )
 from evertwin.prognosis.laws import Maintenance
 from evertwin.prognosis.laws.calendar import FIRST, LAST, UNITS, Calendar
@@ -340,16 +340,6 @@ def _unsorted(table: Table, counted: Counted) -> tuple[str, ...]:
     return (f"{table.name}: rows were sorted by {counted.by}: {said}{also}",)
 
 
-def _divided(table: Table, name: str, first: np.ndarray, second: np.ndarray) -> str:
-    """Says which column tells rows of one moment apart, where a file holds several machines."""
-    columns = {n: np.asarray(c) for n, c in (*table.text.items(), *table.numbers.items())}
-    for other, cells in columns.items():
-        few = 2 * len(np.unique(cells)) <= len(cells)
-        if other != name and few and len(first) > 1 and (cells[first] != cells[second]).all():
-            return f"; of several machines keep the rows of one {other}"
-    return ""
-
-
 def _once(
     table: Table, name: str, counted: Counted, order: np.ndarray, value: Vector
 ) -> tuple[np.ndarray, tuple[str, ...]]:
@@ -365,10 +355,8 @@ def _once(
     if len(differ):
         i, j = int(first[differ[0]]), int(second[differ[0]])
         more = f", and {len(differ) - 1} more such rows" if len(differ) > 1 else ""
-        what = f"delete one, or write their mean{_divided(table, name, first, second)}"
         unit = UNITS[counted.calendar.clock] if counted.calendar else 1.0
-        if set_back(table, counted.by, unit * counted.at, (i, j)):
-            what = "was the clock set back there? Write dates in UTC, or with their zone"
+        what = doubled(table, counted.by, unit * counted.at, (first[differ], second[differ]))
         raise DataError(
             f"{table.name}:{table.lines[j]}: expected one {name} for each {counted.by}, got "
             f"{value[j]:g}, and {value[i]:g} for the same one in row {table.lines[i]}{more}: "
