@@ -148,6 +148,8 @@ def test_a_series_alone_tells_its_life(folder: Path, call: Command) -> None:
     assert call("life", "cell.csv").code == 2
     none = call("life", "cell.csv", "--limit", "1.4", "--below", "--fleet", "none/*.csv")
     assert none.code == 2 and "none/*.csv" in none.err
+    itself = call("life", "cell.csv", "--limit", "1.4", "--below", "--fleet", "cel*.csv")
+    assert itself.code == 2 and "got cell.csv alone" in itself.err
 
 
 def test_a_series_alone_is_reported_and_refuses_what_is_of_a_twin(

@@ -41,6 +41,11 @@ def show_series(
         )
     direction: Direction = "below" if below else "above"
     fleet, failed = (files_of(names or (), Path(), (file,)) for names in likes)
+    if likes[0] and not fleet:
+        raise UsageError(
+            f"--fleet: expected histories of other machines, got {file} alone; its own earlier "
+            "lives count without, from four that ended"
+        )
     asked = Series(file, limit, direction, column, "", fleet, failed, today)
     with Progress("the series are read"):
         found = life_of_series(asked, drawn=report is not None)
