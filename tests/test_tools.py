@@ -123,7 +123,7 @@ def test_the_tests_that_compile_the_loops_are_there() -> None:
 
 @pytest.mark.parametrize("test", ["one", "the next"])
 def test_shapes_are_checked_in_the_first_calls_of_each_test(test: str) -> None:
-    with pytest.raises(TypeCheckError, match=r"evertwin\.tuning\.shapes\.shapes"):
+    with pytest.raises(TypeCheckError, match=r"evertwin\.tuning\.residuals\.shapes\.shapes"):
         shapes(np.zeros((60, 2)))
     with pytest.raises(TypeCheckError, match=r"evertwin\.rows\.ring\.Ring"):
         Ring(capacity=2.5, nu=1, ny=1)  # type: ignore[arg-type]

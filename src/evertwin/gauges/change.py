@@ -38,8 +38,9 @@ BINS = 20
 SWING, COMMON, FEW = 20, 0.5, 0.25
 """Swings are of so many-th a part of the rows before the place; part of the rise that stays where
 inputs swing as they had before, at least; and part of the rows at which they do, at least."""
-LIKE = 10
-"""Classes of rows by how far inputs swing: each is compared with rows before of its own class."""
+LIKE, OFTEN = 10, 100
+"""Classes of rows by how far inputs swing, at most, and rows before the place for each: rows are
+compared with those before of their own class."""
 
 
 def split(windows: Windows, place: int) -> tuple[Windows, Windows]:
@@ -168,13 +169,13 @@ def _rises(residual: Outputs, u: Inputs, place: int) -> bool:
 def _alike(u: Inputs, place: int) -> tuple[Vector, np.ndarray]:
     """Weights of the rows before ``place`` by which inputs swing as far there as they do on the
     rows behind it that are known, (place,), and these, (n − place,)."""
-    share = _swings(u, place)
-    kind = np.minimum(LIKE * share, LIKE).astype(int)
-    count = np.bincount(kind[:place], minlength=LIKE + 1)
+    share, kinds = _swings(u, place), min(max(place // OFTEN, 1), LIKE)
+    kind = np.minimum(kinds * share, kinds).astype(int)
+    count = np.bincount(kind[:place], minlength=kinds + 1)
     enough = count >= ROWS
-    enough[LIKE] = False  # farther than ever before
+    enough[kinds] = False  # farther than ever before
     known = enough[kind[place:]]
-    wanted = np.bincount(kind[place:][known], minlength=LIKE + 1)
+    wanted = np.bincount(kind[place:][known], minlength=kinds + 1)
     return (np.where(enough, wanted, 0.0) / np.maximum(count, 1))[kind[:place]], known
 
 
