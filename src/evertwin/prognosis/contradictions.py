@@ -79,11 +79,13 @@ def refuse_number(table: Table, name: str) -> None:
     )
 
 
-def doubled(table: Table, by: str, at: Vector, rows: tuple[np.ndarray, np.ndarray]) -> str:
-    """What to do about two values for one moment: the rows of the first of each, and of the second.
+def doubled(
+    table: Table, name: str, by: str, at: Vector, rows: tuple[np.ndarray, np.ndarray]
+) -> str:
+    """What to do about two values of ``name`` for one moment: rows of the first, and of the second.
 
     >>> again = Table("a.csv", {"h": np.array([0.0, 9.0, 0.0])}, lines=(2, 3, 4))
-    >>> doubled(again, "h", again.numbers["h"], (np.array([0]), np.array([2])))[:26]
+    >>> doubled(again, "x", "h", again.numbers["h"], (np.array([0]), np.array([2])))[:26]
     'h starts again in row 4: c'
     """
     first, second = rows
@@ -92,7 +94,7 @@ def doubled(table: Table, by: str, at: Vector, rows: tuple[np.ndarray, np.ndarra
     columns = {n: np.asarray(c) for n, c in (*table.text.items(), *table.numbers.items())}
     for other, cells in columns.items():
         few = 2 * len(np.unique(cells)) <= len(cells)
-        if few and len(first) > 1 and (cells[first] != cells[second]).all():
+        if other != name and few and len(first) > 1 and (cells[first] != cells[second]).all():
             return (
                 f"delete one, or write their mean; of several machines keep the rows of one {other}"
             )

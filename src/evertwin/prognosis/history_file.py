@@ -356,7 +356,8 @@ def _once(
         i, j = int(first[differ[0]]), int(second[differ[0]])
         more = f", and {len(differ) - 1} more such rows" if len(differ) > 1 else ""
         unit = UNITS[counted.calendar.clock] if counted.calendar else 1.0
-        what = doubled(table, counted.by, unit * counted.at, (first[differ], second[differ]))
+        rows = first[differ], second[differ]
+        what = doubled(table, name, counted.by, unit * counted.at, rows)
         raise DataError(
             f"{table.name}:{table.lines[j]}: expected one {name} for each {counted.by}, got "
             f"{value[j]:g}, and {value[i]:g} for the same one in row {table.lines[i]}{more}: "
