@@ -67,8 +67,6 @@ def told(text: str, clock: str = "run", rule: IndicatorSpec = WEAR) -> Observed:
          "the same one in row 3: delete one, or write their mean"),
         ("pump,run,wear\nA,1,2\nA,2,3\nB,1,4\nB,2,5\n", "of several machines keep the rows of one "
          "pump"),
-        ("run,wear\n1,2\n1,3\n2,2\n2,3\n3,2\n3,3\n", "and 2 more such rows: delete one, or write "
-         "their mean"),
         ("run,wear\n0,1\n50,2\n90,3\n0,1\n50,1.5\n80,2", "run starts again in row 5: count on "
          "there beyond 90, with 'replaced' in a column maintenance"),
         ("run,wear\n2,3\n1,2\n2,4\n1,9", "in row 3, and 1 more such rows: delete one"),
@@ -266,3 +264,8 @@ def test_a_count_far_from_its_neighbours_is_asked_back(n: int, factor: int, tmp_
     shuffled = np.random.default_rng(n).permutation(n).tolist()
     file.write_text("run,wear\n" + "".join(f"{k},{1.0 + 0.01 * k:.4f}\n" for k in shuffled))
     assert any("were sorted" in note for note in life_of_series(Series(file, 9.0)).notes)
+
+
+def test_values_of_one_moment_do_not_tell_machines_apart() -> None:
+    with pytest.raises(DataError, match=r"2 more such rows: delete one, or write their mean$"):
+        told("run,wear\n1,2\n1,3\n2,2\n2,3\n3,2\n3,3\n")
