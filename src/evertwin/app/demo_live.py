@@ -216,6 +216,8 @@ async def _beside(
     listening = asyncio.create_task(truth.listen(source))
     controls = {name: one["control"] for name, one in zip(machines, reached)}
     screen.begin()
+    for name in machines.keys() - _listening(service, machines):
+        screen.say(name, "waits until its twin's machine code is made, once, or read")
     said = {name: Told() for name in service.runners}
     story, runs = list(STORY), dict[str, float]()  # machine → seconds when its time-lapse began
     try:
