@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from evertwin.app.machines import Common, LiveMachine, arm_options, robot_options
-from evertwin.app.worlds import arm, robot
+from evertwin.app.machine.live_processes import Common, LiveMachine, arm_options, robot_options
+from evertwin.app.machine.recording_processes import arm, robot
 from planted.twins import TWINS
 
 

@@ -25,8 +25,8 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from evertwin.app.demo_live import free_ports, site_of
-from evertwin.app.machines import Common, LiveMachine, arm_options, robot_options
+from evertwin.app.machine.demo_live import free_ports, site_of
+from evertwin.app.machine.live_processes import Common, LiveMachine, arm_options, robot_options
 from planted.serving import Served
 from planted.worlds import told_its_pose
 from proofs._verdict import ended

@@ -26,8 +26,8 @@ from typing import Any
 import numpy as np
 
 from evertwin import Twin
-from evertwin.app.demo_live import free_ports, site_of
-from evertwin.app.machines import Common, LiveMachine, arm_options, robot_options
+from evertwin.app.machine.demo_live import free_ports, site_of
+from evertwin.app.machine.live_processes import Common, LiveMachine, arm_options, robot_options
 from evertwin.config import read
 from evertwin.store.spec import StoreSpec
 from evertwin.worlds.arm import Truth

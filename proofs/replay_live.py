@@ -29,9 +29,9 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin import Twin, TwinSpec
-from evertwin.app.demo_live import free_ports, site_of
-from evertwin.app.machines import Common, LiveMachine, arm_options, robot_options
-from evertwin.app.storing import export_samples
+from evertwin.app.machine.demo_live import free_ports, site_of
+from evertwin.app.machine.live_processes import Common, LiveMachine, arm_options, robot_options
+from evertwin.app.store.store_commands import export_samples
 from evertwin.config import read
 from evertwin.config.spec import ChannelSpec, SourceSpec
 from evertwin.engine import InProcess

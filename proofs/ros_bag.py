@@ -32,7 +32,7 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin import Twin
-from evertwin.app.machines import Common, LiveMachine, robot_options
+from evertwin.app.machine.live_processes import Common, LiveMachine, robot_options
 from evertwin.config import read
 from evertwin.ros.spec import Place
 from evertwin.ros.topics import simulate

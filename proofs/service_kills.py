@@ -34,8 +34,8 @@ from typing import NamedTuple, NoReturn
 import numpy as np
 
 from evertwin.app.cli import main as command_line
-from evertwin.app.demo_live import free_ports, site_of
-from evertwin.app.machines import Common, LiveMachine, arm_options, robot_options
+from evertwin.app.machine.demo_live import free_ports, site_of
+from evertwin.app.machine.live_processes import Common, LiveMachine, arm_options, robot_options
 from evertwin.fold import Event
 from evertwin.service.service import Service
 from evertwin.store import SqliteStore

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evertwin.app import info
+from evertwin.app.first import info_command as info
 from evertwin.store import SqliteStore
 from planted.draws import first_of
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from evertwin.app.plan_shown import _line
+from evertwin.app.outlook.plan_text import _line
 from evertwin.config import read
 from evertwin.errors import UsageError
 from evertwin.fold import Chunk

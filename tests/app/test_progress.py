@@ -10,8 +10,10 @@ from typing import Any, NoReturn
 
 import pytest
 
-from evertwin.app import lone_life, prognosis, starting
 from evertwin.app.console import Progress
+from evertwin.app.first import init_command as starting
+from evertwin.app.outlook import life_of_series as lone_life
+from evertwin.app.outlook import outlook_commands as prognosis
 
 
 def test_silence_is_told_of_on_a_terminal(

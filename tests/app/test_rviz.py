@@ -33,7 +33,7 @@ def test_a_display_for_each_topic_that_can_be_drawn(
     async def said(place: Place) -> dict[str, str]:
         return SAID if place.master.endswith(":1") else {"/rosout": SAID["/rosout"]}
 
-    monkeypatch.setattr("evertwin.app.rviz.topics_of", said)
+    monkeypatch.setattr("evertwin.app.site.rviz_command.topics_of", said)
     done = call("ros", "rviz", str(site(tmp_path, 1)), "--json")
     told = json.loads(done.out)
     assert done.code == 0 and told["topics"] == [topic for topic in SAID if topic != "/rosout"]

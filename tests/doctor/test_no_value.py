@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from evertwin import Twin
-from evertwin.app.starting import write_starter
+from evertwin.app.first.init_command import write_starter
 from evertwin.machines.mobile import Differential
 from evertwin.sources import inspect
 from evertwin.sources.columns.no_value import no_value

@@ -178,8 +178,9 @@ def _serve() -> None:
     import importlib
 
     for name in (
-        "evertwin.app.commands", "evertwin.app.engineering", "evertwin.app.exporting",
-        "evertwin.app.prognosis", "evertwin.app.starting", "evertwin.machines.mobile.kernels",
+        "evertwin.app.twin.twin_commands", "evertwin.app.twin.engineer_command",
+        "evertwin.app.twin.export_command", "evertwin.app.outlook.outlook_commands",
+        "evertwin.app.first.init_command", "evertwin.machines.mobile.kernels",
         "evertwin.sources.robot_logs.bags", "h5py", "mcap.reader", "pandas",
         "pyarrow.parquet", "rosbags.highlevel", "scipy.io", "tomlkit", "tests.edge.readers",
     ):  # fmt: skip

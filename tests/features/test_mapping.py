@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evertwin.app import mapping as app_mapping
 from evertwin.app.cli import main
+from evertwin.app.perception import map_command as app_mapping
 from evertwin.errors import DataError
 from evertwin.features.maps import pose_graph
 from evertwin.features.maps.mapping import Mapped, followed, mapped

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from evertwin import Twin, TwinSpec
-from evertwin.app.plan_shown import label_text, plan_text
+from evertwin.app.outlook.plan_text import label_text, plan_text
 from evertwin.config import spec
 from evertwin.errors import UsageError
 from evertwin.prognosis.laws import Life, NotEnough

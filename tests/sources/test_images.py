@@ -145,7 +145,7 @@ def test_a_picture_of_no_images_and_an_absent_topic_are_errors(tmp_path: Path) -
     table = tmp_path / "run.csv"
     table.write_text("t,x\n0,1\n1,2\n")
     assert not list(images_of(open_recording(table)))
-    from evertwin.app.info import show_info
+    from evertwin.app.first.info_command import show_info
 
     with pytest.raises(DataError, match="no image and no scan that can be read"):
         show_info(table, False, False, tmp_path / "sheet.png")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import scipy
 
-from evertwin.app.starting import Said, write_starter
+from evertwin.app.first.init_command import Said, write_starter
 from evertwin.config import read
 from evertwin.errors import UsageError
 from evertwin.starter.numbers.oscillator_guess import driven

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from evertwin import Twin
-from evertwin.app.starting import write_starter
+from evertwin.app.first.init_command import write_starter
 from evertwin.config import TwinSpec, read
 from evertwin.starter.looks.words import quantity, role, words
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from evertwin import Twin
-from evertwin.app.starting import write_starter
+from evertwin.app.first.init_command import write_starter
 from evertwin.config import read
 from evertwin.machines.mobile import Differential
 from evertwin.starter.looks.words import quantity, words

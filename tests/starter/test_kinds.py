@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from evertwin import Twin
-from evertwin.app.starting import write_starter
+from evertwin.app.first.init_command import write_starter
 from evertwin.config import read
 from evertwin.starter.looks.words import said_unit
 from planted.draws import first_of

@@ -12,7 +12,7 @@ import pytest
 import scipy
 
 from evertwin import Twin
-from evertwin.app.starting import write_starter
+from evertwin.app.first.init_command import write_starter
 from evertwin.config import read
 from evertwin.config.spec import ModelSpec, TwinSpec
 from evertwin.types import Float64

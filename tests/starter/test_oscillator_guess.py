@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from evertwin import Twin
-from evertwin.app.starting import Said, write_starter
+from evertwin.app.first.init_command import Said, write_starter
 from evertwin.starter.numbers.oscillator_guess import driven, guess_oscillator
 from planted.draws import first_of
 

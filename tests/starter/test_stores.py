@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from evertwin import Twin
-from evertwin.app.starting import write_starter
+from evertwin.app.first.init_command import write_starter
 from evertwin.config import read
 from evertwin.config.spec import TwinSpec
 from planted.draws import first_of

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evertwin.app.starting import write_starter
+from evertwin.app.first.init_command import write_starter
 from evertwin.starter.channels.cause import told
 from evertwin.starter.looks.words import role, said_unit, words
 

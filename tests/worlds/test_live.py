@@ -20,7 +20,13 @@ from paho.mqtt.client import MQTTMessage, MQTTMessageInfo
 from paho.mqtt.enums import CallbackAPIVersion, MQTTErrorCode
 from pymodbus.client import ModbusTcpClient
 
-from evertwin.app.machines import Common, LiveMachine, arm_options, robot_options, told
+from evertwin.app.machine.live_processes import (
+    Common,
+    LiveMachine,
+    arm_options,
+    robot_options,
+    told,
+)
 from evertwin.errors import DataError, UsageError
 from evertwin.service.plan import read_site
 from evertwin.worlds.live.modbus import Registers
@@ -317,6 +323,6 @@ def test_a_machine_that_does_not_end_is_ended(monkeypatch: pytest.MonkeyPatch) -
     deaf = "import signal, time; signal.signal(15, signal.SIG_IGN)"
     deaf += "; print('{}', flush=True); time.sleep(60)"
     monkeypatch.setattr(LiveMachine, "command", lambda *_: [sys.executable, "-c", deaf])
-    monkeypatch.setattr("evertwin.app.machines.ENDING", 0.2)
+    monkeypatch.setattr("evertwin.app.machine.live_processes.ENDING", 0.2)
     with LiveMachine("robot", []) as machine:
         assert machine.reached() == {}

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evertwin.app.machines import Common, LiveMachine, robot_options
+from evertwin.app.machine.live_processes import Common, LiveMachine, robot_options
 from evertwin.config import read
 from evertwin.fold import Chunk
 from evertwin.ros.node import NodeDown, Raw, Subscription, node_at

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from evertwin import Twin
-from evertwin.app.info import show_info
-from evertwin.app.starting import write_starter
+from evertwin.app.first.info_command import show_info
+from evertwin.app.first.init_command import write_starter
 from evertwin.config import read
 from evertwin.errors import DataError
 from evertwin.report.scan_picture import MOST, draw_scans

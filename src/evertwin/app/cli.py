@@ -17,17 +17,13 @@ from typing import Annotated, Any
 
 import typer
 
-from evertwin.app import (
-    cli_features,
-    cli_machine,
-    cli_map,
-    cli_model,
-    cli_prognosis,
-    cli_site,
-    cli_store,
-    cli_twin,
-)
+from evertwin.app.machine import cli_machine
 from evertwin.app.options import PART, AsJson, Check, Force, Number, Report, TwinFile
+from evertwin.app.outlook import cli_outlook
+from evertwin.app.perception import cli_features, cli_map
+from evertwin.app.site import cli_site
+from evertwin.app.store import cli_store
+from evertwin.app.twin import cli_model, cli_twin
 from evertwin.errors import EvertwinError
 
 app = typer.Typer(
@@ -109,7 +105,7 @@ def run(
     With [store] path it goes on where it stopped, and runs no row twice.
     Example: evertwin run robot.toml --data monday.csv --report monday.html
     """
-    from evertwin.app.commands import run_twin
+    from evertwin.app.twin.twin_commands import run_twin
 
     run_twin(twin, data, report, (as_json, every, check), again, workers)
 
@@ -127,7 +123,7 @@ def kpi(
 
     Example: evertwin kpi robot.toml --data monday.csv --changed 600
     """
-    from evertwin.app.commands import show_kpi
+    from evertwin.app.twin.twin_commands import show_kpi
 
     show_kpi(twin, data, changed, as_json)
 
@@ -155,7 +151,7 @@ def fit(
 
     Example: evertwin fit arm.toml --train a.csv --train b.csv@0:60 --test b.csv@60:90
     """
-    from evertwin.app.commands import fit_twin
+    from evertwin.app.twin.twin_commands import fit_twin
 
     fit_twin(twin, (train or [], test or []), (as_json, check, keep), workers, beside)
 
@@ -173,7 +169,7 @@ def info(
 
     Example: evertwin info run.csv
     """
-    from evertwin.app.info import show_info
+    from evertwin.app.first.info_command import show_info
 
     show_info(file, as_json, check, picture)
 
@@ -209,8 +205,8 @@ def init(
 
     Example: evertwin init run.csv --model robot1d -o robot.toml
     """
-    from evertwin.app.looking import is_site
-    from evertwin.app.starting import Said, write_for_site, write_starter
+    from evertwin.app.first.doctor_site import is_site
+    from evertwin.app.first.init_command import Said, write_for_site, write_starter
 
     said = Said(namespace, answer or ())
     if len(files) == 1 and is_site(files[0]):
@@ -235,7 +231,7 @@ def doctor(
 
     Example: evertwin doctor robot.toml --data run.csv
     """
-    from evertwin.app.commands import examine
+    from evertwin.app.twin.twin_commands import examine
 
     examine(twin, data, every, as_json)
 
@@ -252,7 +248,7 @@ def compare(
 
     Example: evertwin compare robot.toml 0 1 --data tuesday.csv
     """
-    from evertwin.app.commands import compare_versions
+    from evertwin.app.twin.twin_commands import compare_versions
 
     compare_versions(twin, (first, second), data, as_json)
 
@@ -268,13 +264,13 @@ def schema(
 
     Example: evertwin schema > evertwin.schema.json
     """
-    from evertwin.app.schemas import show_schema
+    from evertwin.app.schema_command import show_schema
 
     chosen = {"breakdown": breakdown, "scenario": scenario, "site": site}
     show_schema(next((name for name, on in chosen.items() if on), "twin"), as_json)
 
 
-for part in (cli_prognosis, cli_twin, cli_store, cli_map, cli_features, cli_site):
+for part in (cli_outlook, cli_twin, cli_store, cli_map, cli_features, cli_site):
     app.registered_commands += part.app.registered_commands
 for group in (
     cli_model.model_app, cli_store.store_app, cli_machine.machine_app, cli_site.fleet_app,

@@ -7,7 +7,7 @@ from pathlib import Path
 import typer
 
 from evertwin.app.console import Alive
-from evertwin.app.worlds import shots
+from evertwin.app.machine.recording_processes import shots
 from evertwin.errors import UsageError
 
 

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import typer
 
 from evertwin.app.console import Progress, show
-from evertwin.app.hearing import first_without_file, read_machine
+from evertwin.app.first.init_site import first_without_file, read_machine
 from evertwin.config import read
 from evertwin.errors import UsageError
 from evertwin.files import write_whole

@@ -44,11 +44,11 @@ def confusions(
     Example: evertwin confusions known.csv new.csv --drift 200000
     """
     if drift:
-        from evertwin.app.drifting import show_drift
+        from evertwin.app.perception.confusions_drift import show_drift
 
         show_drift(files, (drift, least), as_json, check)
         return
-    from evertwin.app.confusing import show_confusions
+    from evertwin.app.perception.confusions_command import show_confusions
 
     show_confusions(files, (level, least), most, as_json, check)
 
@@ -67,7 +67,7 @@ def randomise(
     Told are the share of what was measured inside the simulated 95 %, at each width, and its cost.
     Example: evertwin randomise twin.toml --data run.csv
     """
-    from evertwin.app.widening_shown import show_widening
+    from evertwin.app.twin.randomise_command import show_widening
 
     show_widening(twin, data, as_json, check)
 
@@ -93,7 +93,7 @@ def camera(
 
     Example: evertwin camera --images 300 -o halls.mcap
     """
-    from evertwin.app.picturing import take_pictures
+    from evertwin.app.perception.camera_command import take_pictures
 
     own = None if world is None else (world, poses, height)
     take_pictures(out, own, (images, seed), plain)
@@ -119,7 +119,7 @@ def detect(
 
     Example: evertwin detect run.mcap --objects run-objects.csv -o real
     """
-    from evertwin.app.detecting import show_detections
+    from evertwin.app.perception.detect_command import show_detections
 
     show_detections(recording, out, (objects, weights), images, least, as_json)
 
@@ -152,8 +152,8 @@ def tables(
 
     Example: evertwin tables run.log --poses room/poses.csv -o room
     """
-    from evertwin.app.furnishing import Asked, make_tables, pose_of
-    from evertwin.app.mapping import Topics
+    from evertwin.app.perception.map_command import Topics
+    from evertwin.app.perception.tables_command import Asked, make_tables, pose_of
     from evertwin.errors import UsageError
     from evertwin.features.maps.cost_map import Inflation
     from evertwin.models.table_bodies import Plate

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import typer
 
-from evertwin.app.worlds import failed
+from evertwin.app.machine.recording_processes import failed
 from evertwin.errors import DataError, UsageError
 from evertwin.ros.spec import Place
 

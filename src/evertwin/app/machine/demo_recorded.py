@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from evertwin.app.console import Alive, show
-from evertwin.app.worlds import arm, robot
+from evertwin.app.machine.recording_processes import arm, robot
 from evertwin.errors import UsageError
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ def shipped(file: str) -> Path:
     Raises:
         UsageError: it does not.
     """
-    for root in (Path(str(files("evertwin.app"))), Path(__file__).parents[3]):
+    for root in (Path(str(files("evertwin.app"))), Path(__file__).parents[4]):
         if (root / file).is_file():
             return root / file
     raise UsageError(f"{file} does not lie with the package: install evertwin again")

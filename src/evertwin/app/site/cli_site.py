@@ -26,7 +26,7 @@ def serve(
 
     Example: evertwin serve site.toml --log json
     """
-    from evertwin.app.serving import run_service
+    from evertwin.app.site.serve_command import run_service
 
     run_service(site, log)
 
@@ -57,7 +57,7 @@ def page(
 
     Example: evertwin page --token-file store/token
     """
-    from evertwin.app.serving import show_page
+    from evertwin.app.site.serve_command import show_page
 
     where = (token_file, certificates)
     show_page(service, where, port, tuple(host or ()), tuple(machine or ()))
@@ -69,7 +69,7 @@ def token(as_json: AsJson = False) -> None:
 
     Example: evertwin token
     """
-    from evertwin.app.serving import make_token
+    from evertwin.app.site.serve_command import make_token
 
     make_token(as_json)
 
@@ -80,7 +80,7 @@ def status(site: Fleet, as_json: AsJson = False) -> None:
 
     Example: evertwin fleet status site.toml
     """
-    from evertwin.app.fleet import show_fleet
+    from evertwin.app.site.fleet_command import show_fleet
 
     show_fleet(site, as_json)
 
@@ -99,7 +99,7 @@ def move(
 
     Example: evertwin fleet move site.toml arm south
     """
-    from evertwin.app.fleet import move_twin
+    from evertwin.app.site.fleet_command import move_twin
 
     move_twin(site, twin, "" if node == "any" else node, anew)
 
@@ -116,7 +116,7 @@ def drain(
 
     Example: evertwin fleet drain site.toml north
     """
-    from evertwin.app.fleet import drain_node
+    from evertwin.app.site.fleet_command import drain_node
 
     drain_node(site, node, not back)
 
@@ -138,6 +138,6 @@ def rviz(
 
     Example: evertwin ros rviz site.toml
     """
-    from evertwin.app.rviz import write_rviz
+    from evertwin.app.site.rviz_command import write_rviz
 
     write_rviz(site, out, as_json)

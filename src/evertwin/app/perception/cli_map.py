@@ -39,7 +39,7 @@ def map_scans(
 
     Example: evertwin map run.log -o room
     """
-    from evertwin.app.mapping import Topics, make_map
+    from evertwin.app.perception.map_command import Topics, make_map
 
     make_map(recording, out, against, ranges_alone, Topics(scan, odometry, step), as_json)
 
@@ -57,6 +57,6 @@ def locate(
 
     Example: evertwin locate room/map.yaml run.log --number 120
     """
-    from evertwin.app.mapping import Topics, find_place
+    from evertwin.app.perception.map_command import Topics, find_place
 
     find_place(chart, recording, number, Topics(scan, step=step), as_json)

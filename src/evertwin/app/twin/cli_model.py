@@ -15,7 +15,7 @@ model_app = group("model", "The versions of a twin's model: list, show, promote,
 @model_app.command("list")
 def versions(twin: TwinFile, as_json: AsJson = False) -> None:
     """All versions, and which is live."""
-    from evertwin.app.commands import list_versions
+    from evertwin.app.twin.twin_commands import list_versions
 
     list_versions(twin, as_json)
 
@@ -27,7 +27,7 @@ def show(
     as_json: AsJson = False,
 ) -> None:
     """Form, parameters and history of one version."""
-    from evertwin.app.commands import show_version
+    from evertwin.app.twin.twin_commands import show_version
 
     show_version(twin, number, as_json)
 
@@ -40,7 +40,7 @@ def promote(
     as_json: AsJson = False,
 ) -> None:
     """Make a version live, whatever the gate says."""
-    from evertwin.app.commands import by_hand
+    from evertwin.app.twin.twin_commands import by_hand
 
     by_hand(twin, "promote", number, reason, as_json)
 
@@ -52,7 +52,7 @@ def rollback(
     as_json: AsJson = False,
 ) -> None:
     """Make the champion before the present one live again."""
-    from evertwin.app.commands import by_hand
+    from evertwin.app.twin.twin_commands import by_hand
 
     by_hand(twin, "rollback", None, reason, as_json)
 
@@ -67,7 +67,7 @@ def pin(
     as_json: AsJson = False,
 ) -> None:
     """Keep a version live until it is unpinned."""
-    from evertwin.app.commands import by_hand
+    from evertwin.app.twin.twin_commands import by_hand
 
     by_hand(twin, "pin", number, reason, as_json)
 
@@ -80,6 +80,6 @@ def load(
     as_json: AsJson = False,
 ) -> None:
     """Make a version of the parameter values in a JSON or MAT file; nothing goes live."""
-    from evertwin.app.exporting import load_parameters
+    from evertwin.app.twin.export_command import load_parameters
 
     load_parameters(twin, file, reason, as_json)

@@ -8,7 +8,7 @@ from pathlib import Path
 import typer
 
 from evertwin.app.console import show
-from evertwin.app.looking import is_site
+from evertwin.app.first.doctor_site import is_site
 from evertwin.config import TwinSpec, read
 from evertwin.errors import DataError, UsageError
 from evertwin.fold import plain

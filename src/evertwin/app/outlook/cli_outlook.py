@@ -45,7 +45,7 @@ def forecast(
 
     Example: evertwin forecast robot.toml --data run.csv --horizon "30 s"
     """
-    from evertwin.app.prognosis import show_forecast
+    from evertwin.app.outlook.outlook_commands import show_forecast
 
     show_forecast(twin, horizon, data, (mode, inputs), as_json)
 
@@ -91,7 +91,7 @@ def life(
     Example: evertwin life cell.csv --limit 1.4 --below --fleet 'others/*.csv'
     """
     if twin.suffix.lower() != ".toml":
-        from evertwin.app.lone_life import show_series
+        from evertwin.app.outlook.life_of_series import show_series
 
         if history is not None or data:
             raise UsageError(
@@ -106,7 +106,7 @@ def life(
             f"{twin}: --limit, --below, --column, --fleet and --failed are of a series alone; a "
             "twin file says them in [[indicator]] and [prognosis]"
         )
-    from evertwin.app.prognosis import show_life
+    from evertwin.app.outlook.outlook_commands import show_life
 
     show_life(twin, (history, data), (report, today), as_json, check)
 
@@ -124,7 +124,7 @@ def whatif(
 
     Example: evertwin whatif arm.toml --scenario faster.toml --data monday.csv
     """
-    from evertwin.app.prognosis import show_whatif
+    from evertwin.app.outlook.outlook_commands import show_whatif
 
     show_whatif(twin, scenario, (history, data), as_json, check)
 
@@ -146,7 +146,7 @@ def setpoint(
 
     Example: evertwin setpoint robot.toml --wanted "10 cm/s" --data run.csv
     """
-    from evertwin.app.advising import show_set_points
+    from evertwin.app.outlook.setpoint_command import show_set_points
 
     show_set_points(twin, wanted or [], (input_name, output), data, as_json)
 
@@ -164,7 +164,7 @@ def plan(
 
     Example: evertwin plan arm.toml -o plan.csv
     """
-    from evertwin.app.prognosis import show_plan
+    from evertwin.app.outlook.outlook_commands import show_plan
 
     show_plan(twin, (history, data), out, report, as_json)
 
@@ -200,7 +200,7 @@ def decide(
     Example: evertwin decide arm.toml gearbox1 postpone --when 20 --reason "spare part late"
     Example: evertwin decide arm.toml gearbox1 replaced --reason "gearbox replaced"
     """
-    from evertwin.app.prognosis import keep_decision, show_decisions
+    from evertwin.app.outlook.outlook_commands import keep_decision, show_decisions
 
     if said is not None:
         keep_decision(twin, said, (reason, when), history, as_json)

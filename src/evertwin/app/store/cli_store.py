@@ -30,7 +30,7 @@ def events(
 
     Example: evertwin events arm.toml --kind promoted
     """
-    from evertwin.app.storing import show_events
+    from evertwin.app.store.store_commands import show_events
 
     show_events(twin, kind, as_json)
 
@@ -41,7 +41,7 @@ def head(twin: TwinFile, key: Key = None, as_json: AsJson = False) -> None:
 
     Example: evertwin store head arm.toml --key secret.key >> heads.txt
     """
-    from evertwin.app.storing import show_head
+    from evertwin.app.store.store_commands import show_head
 
     show_head(twin, key, as_json)
 
@@ -59,7 +59,7 @@ def verify(
 
     Example: evertwin store verify arm.toml --head 812:3f0c…
     """
-    from evertwin.app.storing import verify_store
+    from evertwin.app.store.store_commands import verify_store
 
     verify_store(twin, head, key, as_json)
 
@@ -67,7 +67,7 @@ def verify(
 @store_app.command("recover")
 def recover(twin: TwinFile, as_json: AsJson = False) -> None:
     """Start a damaged store from what is sound; the damaged file is kept beside it."""
-    from evertwin.app.storing import recover_store
+    from evertwin.app.store.store_commands import recover_store
 
     recover_store(twin, as_json)
 
@@ -82,7 +82,7 @@ def backup(
 
     Example: evertwin store backup arm.toml arm-monday.db
     """
-    from evertwin.app.storing import back_up
+    from evertwin.app.store.store_commands import back_up
 
     back_up(twin, file, as_json)
 
@@ -97,7 +97,7 @@ def restore(
 
     Example: evertwin store restore arm.toml arm-monday.db
     """
-    from evertwin.app.storing import put_back
+    from evertwin.app.store.store_commands import put_back
 
     put_back(twin, file, as_json)
 
@@ -120,6 +120,6 @@ def export(
 
     Example: evertwin store export arm.toml monday.mcap --store store/arm.db
     """
-    from evertwin.app.storing import export_samples
+    from evertwin.app.store.store_commands import export_samples
 
     export_samples(twin, file, (source, store), (first, last), as_json)

@@ -25,9 +25,15 @@ from typing import Any, NamedTuple
 import typer
 
 from evertwin.app.console import Alive, show
-from evertwin.app.demo import shipped
-from evertwin.app.demo_truth import Truth, truth_at
-from evertwin.app.machines import Common, LiveMachine, arm_options, robot_options, told
+from evertwin.app.machine.demo_recorded import shipped
+from evertwin.app.machine.demo_truth import Truth, truth_at
+from evertwin.app.machine.live_processes import (
+    Common,
+    LiveMachine,
+    arm_options,
+    robot_options,
+    told,
+)
 from evertwin.service.runner import Runner
 from evertwin.service.service import Service
 from evertwin.sources.live.contract import LiveSource

@@ -8,7 +8,7 @@ from pathlib import Path
 import typer
 
 from evertwin.app.console import show
-from evertwin.app.machines import told
+from evertwin.app.machine.live_processes import told
 from evertwin.errors import UsageError, needs
 from evertwin.service.access import hashed, new_token
 from evertwin.service.logs import log_to_stderr

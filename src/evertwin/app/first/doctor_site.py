@@ -13,7 +13,7 @@ from typing import Any
 import typer
 
 from evertwin.app.console import show
-from evertwin.app.sharing import shared
+from evertwin.app.first.doctor_fleet import shared
 from evertwin.errors import reason_of
 from evertwin.ros.spec import Place
 from evertwin.service.plan import Plan, Site, read_site

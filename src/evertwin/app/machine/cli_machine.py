@@ -55,7 +55,7 @@ def arm(
 
     Example: evertwin machine arm --speed 10
     """
-    from evertwin.app.machines import Common, arm_options, run_machine
+    from evertwin.app.machine.live_processes import Common, arm_options, run_machine
 
     common = Common(seed, speed, start, seconds, order or [], control, record)
     run_machine("arm", arm_options(common, modbus, opcua), common)
@@ -95,7 +95,7 @@ def robot(
 
     Example: evertwin machine robot --speed 10
     """
-    from evertwin.app.machines import Common, robot_options, run_machine
+    from evertwin.app.machine.live_processes import Common, robot_options, run_machine
     from evertwin.errors import UsageError
     from evertwin.ros.spec import Masters
 
@@ -119,7 +119,7 @@ def tell(
 
     Example: evertwin machine tell 127.0.0.1:5021 friction.2=1.3 payload=2 for=20
     """
-    from evertwin.app.machines import tell_machine
+    from evertwin.app.machine.live_processes import tell_machine
 
     tell_machine(where, orders or [])
 
@@ -145,9 +145,9 @@ def demo(
     Example: evertwin demo --out shown
     """
     if live:
-        from evertwin.app.demo_live import run_live_demo
+        from evertwin.app.machine.demo_live import run_live_demo
 
         return run_live_demo(out, seed, (speed, seconds), headless, as_json)
-    from evertwin.app.demo import run_demo
+    from evertwin.app.machine.demo_recorded import run_demo
 
     run_demo(out, seed, as_json)

@@ -12,7 +12,7 @@ import typer
 from evertwin.ahead.planned import Planned
 from evertwin.app.console import Progress, show
 from evertwin.app.opening import as_kept, recordings, store_path, to_work
-from evertwin.app.plan_shown import label_document, label_text, plan_text
+from evertwin.app.outlook.plan_text import label_document, label_text, plan_text
 from evertwin.errors import UsageError
 from evertwin.files import write_whole
 from evertwin.fold import plain

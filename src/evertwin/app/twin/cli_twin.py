@@ -38,7 +38,7 @@ def label(
 
     Example: evertwin label arm.toml 41 cause --cause friction --reason "new grease"
     """
-    from evertwin.app.labelling import label_event
+    from evertwin.app.twin.label_command import label_event
 
     label_event(twin, event, verdict, reason, (cause, rows), as_json)
 
@@ -61,7 +61,7 @@ def validate(
 
     Example: evertwin validate arm.toml --train monday.csv --test tuesday.csv
     """
-    from evertwin.app.validation import validate_twin
+    from evertwin.app.twin.validate_command import validate_twin
 
     validate_twin(twin, (test, train), report, as_json, check)
 
@@ -84,7 +84,7 @@ def engineer(
 
     Example: evertwin engineer arm-parts.toml --data monday.csv -o arm.toml --report arm.html
     """
-    from evertwin.app.engineering import engineer_twin
+    from evertwin.app.twin.engineer_command import engineer_twin
 
     engineer_twin(breakdown, (out, report, force), data, as_json)
 
@@ -109,6 +109,6 @@ def export(
 
     Example: evertwin export arm.toml --format mat --data monday.csv -o arm.mat
     """
-    from evertwin.app.exporting import export_twin
+    from evertwin.app.twin.export_command import export_twin
 
     export_twin(twin, (form, out, version), data, as_json)

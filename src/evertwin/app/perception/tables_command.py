@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from evertwin.app.console import Alive, show
-from evertwin.app.mapping import Topics, only_lidar
+from evertwin.app.perception.map_command import Topics, only_lidar
 from evertwin.errors import DataError, UsageError
 from evertwin.features.maps.cost_map import Inflation, freed, inflated
 from evertwin.features.maps.mapping import mapped

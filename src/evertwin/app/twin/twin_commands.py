@@ -121,7 +121,7 @@ def fit_twin(
 
 def examine(twin: Path, data: Files, every: bool, as_json: bool) -> None:
     """``evertwin doctor``: of a twin file; of a site file what its machines say."""
-    from evertwin.app.looking import is_site, look_at
+    from evertwin.app.first.doctor_site import is_site, look_at
 
     if is_site(twin):
         return look_at(twin, as_json)

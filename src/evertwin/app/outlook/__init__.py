@@ -1,0 +1,1 @@
+"""The commands that look ahead: forecast, life, whatif, setpoint, plan, decide."""

@@ -1,0 +1,1 @@
+"""The commands of a site: serve, page, token, fleet, ros."""

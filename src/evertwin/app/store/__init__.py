@@ -1,0 +1,1 @@
+"""The commands of stores: verify, backup, restore, export, recover; events."""

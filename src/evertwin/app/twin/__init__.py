@@ -1,0 +1,1 @@
+"""The commands of one twin: fit, run, doctor, report, validate, engineer, label, export."""
