@@ -15,7 +15,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from evertwin.service.runner import CLOSES
+from evertwin.service.twin.runner import CLOSES
 
 TWINS = Path(__file__).parent.parent / "twins"
 ENTRY = """
@@ -127,7 +127,7 @@ class Served:
 
     def end(self) -> int:
         """As systemd does; the exit code. A twin that works at a fit may take as long as the
-        service gives it (`evertwin.service.runner.CLOSES`).
+        service gives it (`evertwin.service.twin.runner.CLOSES`).
 
         Raises:
             TimeoutError: it does not end; it is killed, and the end of its log is shown.

@@ -50,8 +50,8 @@ from proofs.replay_live import bare, end_of, fold
 POINTS = (
     ("evertwin.sources.live.mqtt", "Mqtt.decode"),
     ("evertwin.sources.live.mqtt", "Mqtt.committed"),
-    ("evertwin.service.at_work", "AtWork.keep"),
-    ("evertwin.service.at_work", "AtWork.fold"),
+    ("evertwin.service.twin.live_twin", "AtWork.keep"),
+    ("evertwin.service.twin.live_twin", "AtWork.fold"),
     ("evertwin.rows.samples", "Samples.keep"),
     ("evertwin.loop.live", "Live._go_on"),
     ("evertwin.loop.live", "Live.settle"),

@@ -28,17 +28,20 @@ COMPILED = {"cfunc", "intrinsic", "jit", "njit", "overload", "vectorize"}
 
 BROAD_EXCEPT = {
     (
-        "service/runner.py",
+        "service/twin/runner.py",
         "_guarded",
     ): "a model or plug-in of the user raises what it likes: its twin alone ends",
     (
-        "service/loading.py",
+        "service/site/loading.py",
         "why_not",
     ): "a model or plug-in of the user raises what it likes: its node says so",
     ("app/cli.py", "main"): "the last edge: an unforeseen error becomes exit code 101",
     ("sources/foreign.py", "foreign"): "readers of others: no reader says all that it may raise",
     ("engine/pool.py", "serve"): "what a job raises is raised where its result is taken",
-    ("service/lane.py", "_run"): "what a job raises is raised where its result is taken",
+    (
+        "service/twin/twin_thread.py",
+        "_run",
+    ): "what a job raises is raised where its result is taken",
     ("engine/worker.py", "_outcome"): "what a job raises travels to the parent, which raises it",
     (
         "models/function.py",

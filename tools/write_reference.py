@@ -15,7 +15,7 @@ from pathlib import Path
 from evertwin.ahead.spec import SCENARIO
 from evertwin.config import TWIN
 from evertwin.engineering.breakdown import BREAKDOWN
-from evertwin.service.site import SITE
+from evertwin.service.site.site_spec import SITE
 from tools import components_page, models_page
 from tools.settings_page import page
 

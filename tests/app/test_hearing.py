@@ -17,7 +17,7 @@ import pytest
 
 from evertwin.app.cli import main
 from evertwin.config import read
-from evertwin.service.plan import read_site
+from evertwin.service.site.site_plan import read_site
 from tests.sources.live.test_modbus import server
 from tests.sources.live.test_mqtt import mosquitto
 from tests.sources.live.test_opcua import Server

@@ -11,8 +11,8 @@ from evertwin.errors import StoreUnwritable, UsageError
 from evertwin.fleet import FleetSpec, Members, Tenure, fleet_told
 from evertwin.fleet import tenure as code
 from evertwin.fleet.tenure import ANEW, Told
+from evertwin.service.fleet_node import Tending
 from evertwin.service.service import Service
-from evertwin.service.tending import Tending
 from evertwin.store import SqlOwners
 from evertwin.store.database import Database
 from planted.draws import first_of

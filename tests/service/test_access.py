@@ -21,8 +21,8 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 
 from evertwin.errors import ConfigError
-from evertwin.service.access import hashed
-from evertwin.service.plan import read_site
+from evertwin.service.http.access import hashed
+from evertwin.service.site.site_plan import read_site
 from planted.serving import Served, site
 from planted.worlds import record_robot
 

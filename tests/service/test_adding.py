@@ -17,7 +17,9 @@ from pydantic import ValidationError
 
 from evertwin.config import read
 from evertwin.errors import UsageError
-from evertwin.service.adding import (
+from evertwin.service.http.api_views import Look, _look
+from evertwin.service.site.site_spec import SITE
+from evertwin.service.views.new_machine import (
     Column,
     Machine,
     _sampled,
@@ -27,8 +29,6 @@ from evertwin.service.adding import (
     kinds,
     roles,
 )
-from evertwin.service.api_look import Look, _look
-from evertwin.service.site import SITE
 from evertwin.setup.configured_model import model_of
 from evertwin.sources.live.registry import open_live, read_settings
 from evertwin.sources.live.trying import some

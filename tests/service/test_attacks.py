@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 import websockets
 
-from evertwin.service.access import hashed
+from evertwin.service.http.access import hashed
 from evertwin.signals.channels import Channel, Layout
 from evertwin.signals.series import Series
 from evertwin.sources.writers import write

@@ -11,8 +11,8 @@ import pytest
 from evertwin.config import TwinSpec, read
 from evertwin.errors import DataError, UsageError
 from evertwin.fold import Block, make_block
-from evertwin.service.compared import Pair, compared
-from evertwin.service.engineered import UNTOLD, engineered
+from evertwin.service.views.tuning_choice import UNTOLD, engineered
+from evertwin.service.views.version_comparison import Pair, compared
 from evertwin.twin import Twin
 
 BREAKDOWN = """

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from evertwin.fold import Chunk
-from evertwin.service.at_work import AtWork
-from evertwin.service.condition import Condition
-from evertwin.service.off_now import Now
-from evertwin.service.past import past
-from evertwin.service.plan import read_site
+from evertwin.service.health.condition import Condition
+from evertwin.service.health.deviation_now import Now
+from evertwin.service.health.past_tense import past
+from evertwin.service.site.site_plan import read_site
+from evertwin.service.twin.live_twin import AtWork
 from evertwin.store import Batch, Estimate
 from planted.draws import first_of
 

@@ -12,8 +12,8 @@ from evertwin.config import TwinSpec
 from evertwin.config.spec import ModelSpec
 from evertwin.errors import UsageError
 from evertwin.fold import Chunk
-from evertwin.service.at_work import shown
-from evertwin.service.history import (
+from evertwin.service.twin.live_twin import shown
+from evertwin.service.views.history import (
     PIECES,
     Span,
     Stored,

@@ -10,13 +10,13 @@ from typing import Any
 import pytest
 
 from evertwin.fold import Event
-from evertwin.service import lives
-from evertwin.service.at_work import AtWork
-from evertwin.service.condition import Condition
-from evertwin.service.lives import lived, tell_lives
-from evertwin.service.plan import read_site
-from evertwin.service.questions import ROWS
-from evertwin.service.runner import Runner
+from evertwin.service.health.condition import Condition
+from evertwin.service.site.site_plan import read_site
+from evertwin.service.twin import life_watch as lives
+from evertwin.service.twin.life_watch import lived, tell_lives
+from evertwin.service.twin.live_twin import AtWork
+from evertwin.service.twin.questions import ROWS
+from evertwin.service.twin.runner import Runner
 from evertwin.store import Batch, Estimate
 from tests.service.test_condition import SITE, TWIN, Beside
 

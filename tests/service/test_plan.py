@@ -8,7 +8,7 @@ import pytest
 
 from evertwin.loop.run import settings_hash
 from evertwin.refit.workers import setup_of
-from evertwin.service.plan import Site, read_site
+from evertwin.service.site.site_plan import Site, read_site
 from evertwin.signals.spoken import as_recorded
 
 MODEL = """from evertwin.models import FunctionModel, Parameters

@@ -21,13 +21,13 @@ from fastapi import WebSocket
 from evertwin.backoff import Backoff
 from evertwin.errors import StoreUnwritable, UsageError
 from evertwin.fold import Chunk
-from evertwin.service import runner as room
-from evertwin.service.condition import Condition
-from evertwin.service.metrics import exposition
-from evertwin.service.plan import read_site
-from evertwin.service.runner import Runner
+from evertwin.service.health.condition import Condition
+from evertwin.service.http.metrics import exposition
+from evertwin.service.http.stream import stream
 from evertwin.service.service import Service
-from evertwin.service.stream import stream
+from evertwin.service.site.site_plan import read_site
+from evertwin.service.twin import runner as room
+from evertwin.service.twin.runner import Runner
 from evertwin.sources.live.contract import Health
 from evertwin.store import SqliteStore
 from planted.serving import TWINS, site

@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 
 from evertwin.fold import Chunk
-from evertwin.service import runner as room
-from evertwin.service.condition import Condition
-from evertwin.service.plan import read_site
-from evertwin.service.runner import Runner
-from evertwin.service.silence import Silence
+from evertwin.service.health.condition import Condition
+from evertwin.service.site.site_plan import read_site
+from evertwin.service.twin import runner as room
+from evertwin.service.twin.quiet_sources import Silence
+from evertwin.service.twin.runner import Runner
 from evertwin.sources.live.contract import Health
 from planted.serving import TWINS
 

@@ -9,8 +9,8 @@ from typing import Any, cast
 import pytest
 
 from evertwin.errors import NotYet, UsageError
-from evertwin.service.api import CODES
-from evertwin.service.runner import Runner
+from evertwin.service.http.api import CODES
+from evertwin.service.twin.runner import Runner
 
 
 @pytest.mark.parametrize(("state", "code"), [("starting", 503), ("quarantined", 400)])

@@ -12,9 +12,9 @@ from evertwin.compiled import functions
 from evertwin.features.scans import correlation, registration, surface
 from evertwin.models.terms import kernel
 from evertwin.service import service as serving
-from evertwin.service import warming
-from evertwin.service.plan import read_site
-from evertwin.service.warming import Beside, warm
+from evertwin.service.site.site_plan import read_site
+from evertwin.service.twin import warming
+from evertwin.service.twin.warming import Beside, warm
 from evertwin.setup import scores
 from evertwin.trial import betting, gate_loop
 from planted.serving import site

@@ -28,7 +28,7 @@ from evertwin.app.machine.live_processes import (
     told,
 )
 from evertwin.errors import DataError, UsageError
-from evertwin.service.plan import read_site
+from evertwin.service.site.site_plan import read_site
 from evertwin.worlds.live.modbus import Registers
 from evertwin.worlds.live.mqtt import MqttPublisher
 from evertwin.worlds.live.orders import Knob, Knobs

@@ -10,7 +10,7 @@ import typer
 from evertwin.ahead.spec import SCENARIO
 from evertwin.config import TWIN
 from evertwin.engineering.breakdown import BREAKDOWN
-from evertwin.service.site import SITE
+from evertwin.service.site.site_spec import SITE
 from evertwin.settings.form import Form
 from evertwin.settings.schema import schema
 

@@ -16,8 +16,8 @@ import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from evertwin.errors import ConfigError, UsageError
-from evertwin.service.api import create_app
-from evertwin.service.guard import TOKEN, Guard
+from evertwin.service.http.api import create_app
+from evertwin.service.http.guard import TOKEN, Guard
 from evertwin.service.service import Service
 
 LOG = logging.getLogger("evertwin.service")

@@ -20,14 +20,14 @@ from evertwin.config.spec import TwinSpec
 from evertwin.engine import Pool
 from evertwin.errors import ConfigError, UsageError, nearest
 from evertwin.refit import work_of
-from evertwin.service.lag import Lag
-from evertwin.service.loading import why_not
+from evertwin.service.fleet_node import Tending
 from evertwin.service.logs import Newest
-from evertwin.service.notify import beat_of, notify
-from evertwin.service.plan import Plan, Site, read_site
-from evertwin.service.runner import Runner
-from evertwin.service.tending import Tending
-from evertwin.service.warming import Beside, before
+from evertwin.service.loop_lag import Lag
+from evertwin.service.site.loading import why_not
+from evertwin.service.site.site_plan import Plan, Site, read_site
+from evertwin.service.systemd import beat_of, notify
+from evertwin.service.twin.runner import Runner
+from evertwin.service.twin.warming import Beside, before
 
 LOG = logging.getLogger("evertwin.service")
 BEAT = 1.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from evertwin.errors import EvertwinError
-from evertwin.service.plan import Plan, Site
+from evertwin.service.site.site_plan import Plan, Site
 from evertwin.store.postgres import Postgres, told
 
 

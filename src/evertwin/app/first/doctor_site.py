@@ -16,7 +16,7 @@ from evertwin.app.console import show
 from evertwin.app.first.doctor_fleet import shared
 from evertwin.errors import reason_of
 from evertwin.ros.spec import Place
-from evertwin.service.plan import Plan, Site, read_site
+from evertwin.service.site.site_plan import Plan, Site, read_site
 from evertwin.sources.live.contract import Around, LiveSettings
 from evertwin.sources.live.line import LineDown
 from evertwin.sources.live.look import look

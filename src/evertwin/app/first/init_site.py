@@ -19,7 +19,7 @@ import numpy as np
 from evertwin.app.console import Progress
 from evertwin.errors import UsageError, reason_of
 from evertwin.fold import Chunk
-from evertwin.service.plan import Plan, read_site
+from evertwin.service.site.site_plan import Plan, read_site
 from evertwin.signals import conversion
 from evertwin.sources.live.contract import Around, LiveSettings, LiveSource
 from evertwin.sources.live.growing import GrowingSettings

@@ -34,8 +34,8 @@ from evertwin.app.machine.live_processes import (
     robot_options,
     told,
 )
-from evertwin.service.runner import Runner
 from evertwin.service.service import Service
+from evertwin.service.twin.runner import Runner
 from evertwin.sources.live.contract import LiveSource
 
 SHOWN = ("suspected", "tuned", "corrected", "promoted", "measurement_error", "drift",

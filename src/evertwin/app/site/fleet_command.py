@@ -10,7 +10,7 @@ from evertwin.app.console import show
 from evertwin.errors import UsageError, nearest
 from evertwin.fleet import Members, fleet_told
 from evertwin.fleet.tenure import ANEW
-from evertwin.service.plan import Site, read_site
+from evertwin.service.site.site_plan import Site, read_site
 from evertwin.store import SqlOwners
 from evertwin.store.postgres import Postgres
 

@@ -12,7 +12,7 @@ from evertwin.publishers.ros_spec import RosOutSettings
 from evertwin.ros.node import NodeDown
 from evertwin.ros.rviz import Look, config, drawn
 from evertwin.ros.topics import topics_of
-from evertwin.service.plan import read_site
+from evertwin.service.site.site_plan import read_site
 
 
 def write_rviz(site: Path, out: Path | None, as_json: bool) -> None:

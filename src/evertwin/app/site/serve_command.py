@@ -10,7 +10,7 @@ import typer
 from evertwin.app.console import show
 from evertwin.app.machine.live_processes import told
 from evertwin.errors import UsageError, needs
-from evertwin.service.access import hashed, new_token
+from evertwin.service.http.access import hashed, new_token
 from evertwin.service.logs import log_to_stderr
 
 

@@ -20,10 +20,10 @@ from evertwin.errors import EvertwinError
 from evertwin.fold import Block
 from evertwin.prognosis import alarmed
 from evertwin.prognosis.believed import WEIGHS
-from evertwin.service.questions import beside, planned, reading
+from evertwin.service.twin.questions import beside, planned, reading
 
 if TYPE_CHECKING:
-    from evertwin.service.runner import Runner
+    from evertwin.service.twin.runner import Runner
 
 LOG = logging.getLogger("evertwin.service")
 AGAIN = 10.0

@@ -20,7 +20,7 @@ import numpy as np
 from evertwin.config import TwinSpec
 from evertwin.errors import DataError, UsageError
 from evertwin.fold import Block, plain
-from evertwin.service.questions import reading
+from evertwin.service.twin.questions import reading
 from evertwin.signals.sizes import rms_of
 
 STRETCHES = 8

@@ -19,7 +19,7 @@ from evertwin.errors import UsageError
 from evertwin.fold import Mark
 from evertwin.models import Model
 from evertwin.outcome import View
-from evertwin.service.at_work import off
+from evertwin.service.twin.live_twin import off
 from evertwin.signals.channels import same_turn
 from evertwin.sources.spec import SourceSpec
 from evertwin.store import SqlStore

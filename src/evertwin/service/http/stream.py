@@ -22,10 +22,10 @@ from typing import Any
 from fastapi import WebSocket, WebSocketDisconnect
 
 from evertwin.errors import StoreError, UsageError
-from evertwin.service.guard import PREFIX
-from evertwin.service.runner import Runner
+from evertwin.service.http.guard import PREFIX
+from evertwin.service.http.strict_json import encoded
 from evertwin.service.service import Service
-from evertwin.service.strict_json import encoded
+from evertwin.service.twin.runner import Runner
 
 ALIVE = 5.0
 """Seconds of silence; then something is sent, and the token is looked at again."""

@@ -16,7 +16,7 @@ import numpy as np
 from evertwin.fold.marks import Mark
 from evertwin.outcome import View
 from evertwin.outcome.result import OutputFigures
-from evertwin.service.past import past
+from evertwin.service.health.past_tense import past
 from evertwin.setup.setup import FEW, Setup
 from evertwin.types import Bool, Outputs, PerOutput
 

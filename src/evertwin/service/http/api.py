@@ -14,12 +14,12 @@ from pydantic import BaseModel, ConfigDict, Field
 from evertwin.errors import DataError, EvertwinError, NotYet, StoreError, UsageError
 from evertwin.fold import plain
 from evertwin.ledger.label import Label, Verdict
-from evertwin.service.api_look import Count, found_at, in_time, looks
-from evertwin.service.metrics import exposition
-from evertwin.service.runner import Runner
+from evertwin.service.http.api_views import Count, found_at, in_time, looks
+from evertwin.service.http.metrics import exposition
+from evertwin.service.http.stream import stream
+from evertwin.service.http.strict_json import StrictJSON
 from evertwin.service.service import Service
-from evertwin.service.stream import stream
-from evertwin.service.strict_json import StrictJSON
+from evertwin.service.twin.runner import Runner
 
 SOON = 2.0
 """Seconds that a twin has to say how it is now."""

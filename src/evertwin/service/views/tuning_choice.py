@@ -23,7 +23,7 @@ from evertwin.engineering.mapping import links
 from evertwin.engineering.sensitivity import few
 from evertwin.engineering.study import modelled, study
 from evertwin.fold import Block, plain
-from evertwin.service.questions import reading
+from evertwin.service.twin.questions import reading
 from evertwin.twin import Twin
 
 UNTOLD = (

@@ -23,10 +23,10 @@ from evertwin.models import Model
 from evertwin.outcome import View
 from evertwin.outcome.result import OutputFigures
 from evertwin.rows import Numbered
-from evertwin.service.faults import Faults
-from evertwin.service.off_now import Now, looked_back, off_now, rows_of, told_now
-from evertwin.service.plan import Plan
-from evertwin.service.scene import scene_of
+from evertwin.service.health.deviation_now import Now, looked_back, off_now, rows_of, told_now
+from evertwin.service.health.sensor_faults import Faults
+from evertwin.service.site.site_plan import Plan
+from evertwin.service.twin.scene import scene_of
 from evertwin.signals import wrap
 from evertwin.signals.channels import same_turn
 from evertwin.signals.spoken import as_recorded

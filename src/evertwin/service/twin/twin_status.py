@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from evertwin.sources.live.contract import Health
 
 if TYPE_CHECKING:
-    from evertwin.service.runner import Runner
+    from evertwin.service.twin.runner import Runner
 
 MAKING = (
     "its machine code is being made ready: the first time that takes one to two minutes for each "

@@ -12,11 +12,11 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from evertwin.errors import EvertwinError
-from evertwin.service.at_work import AtWork
+from evertwin.service.twin.live_twin import AtWork
 from evertwin.store import SqliteStore
 
 if TYPE_CHECKING:
-    from evertwin.service.runner import Runner
+    from evertwin.service.twin.runner import Runner
 
 LOG = logging.getLogger("evertwin.service")
 AGAIN = 600.0

@@ -19,14 +19,14 @@ from fastapi import FastAPI, HTTPException, Query
 from pydantic import BaseModel, ConfigDict, Field
 
 from evertwin.errors import UsageError, reason_of
-from evertwin.service.adding import Machine, added, kinds
-from evertwin.service.compared import Pair, compared
-from evertwin.service.engineered import engineered
-from evertwin.service.history import WIDEST, Span, Stored, looked_back
-from evertwin.service.questions import LONG, beside
-from evertwin.service.runner import Runner
+from evertwin.service.http.strict_json import StrictJSON
 from evertwin.service.service import Service
-from evertwin.service.strict_json import StrictJSON
+from evertwin.service.twin.questions import LONG, beside
+from evertwin.service.twin.runner import Runner
+from evertwin.service.views.history import WIDEST, Span, Stored, looked_back
+from evertwin.service.views.new_machine import Machine, added, kinds
+from evertwin.service.views.tuning_choice import engineered
+from evertwin.service.views.version_comparison import Pair, compared
 from evertwin.sources.live import registry as sources
 from evertwin.sources.live.contract import Around
 from evertwin.sources.live.line import LineDown

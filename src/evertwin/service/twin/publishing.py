@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from evertwin.publishers.contract import About, Ask, Publisher
 from evertwin.publishers.registry import open_publisher
-from evertwin.service.at_work import AtWork
-from evertwin.service.plan import Plan
+from evertwin.service.site.site_plan import Plan
+from evertwin.service.twin.live_twin import AtWork
 
 
 def tellers(plan: Plan, work: AtWork, ask: Ask) -> list[Publisher]:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from starlette.responses import JSONResponse
 
-from evertwin.service.access import PATIENCE, Keys, Pace, may_be_called, may_come_from
+from evertwin.service.http.access import PATIENCE, Keys, Pace, may_be_called, may_come_from
 from evertwin.service.service import Service
 
 if TYPE_CHECKING:

@@ -24,7 +24,7 @@ from evertwin.settings.document import Given
 from evertwin.twin import Twin
 
 if TYPE_CHECKING:
-    from evertwin.service.runner import Runner
+    from evertwin.service.twin.runner import Runner
 
 ROWS = 4096
 """Newest rows that a question looks at."""

@@ -17,14 +17,14 @@ from typing import TYPE_CHECKING, Any
 from evertwin.errors import EvertwinError, StoreUnwritable
 from evertwin.fleet import FleetSpec, Members, Step, Tenure, Told, fleet_told
 from evertwin.fleet.tenure import COST, STEPS, TOGETHER
-from evertwin.service.loading import why_not
-from evertwin.service.plan import Plan
+from evertwin.service.site.loading import why_not
+from evertwin.service.site.site_plan import Plan
 from evertwin.store import SqlOwners
 from evertwin.store.postgres import Postgres
 
 if TYPE_CHECKING:
-    from evertwin.service.runner import Runner
     from evertwin.service.service import Service
+    from evertwin.service.twin.runner import Runner
 
 LOG = logging.getLogger("evertwin.service")
 SMOOTH = 300.0

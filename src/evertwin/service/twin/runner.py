@@ -27,18 +27,18 @@ from evertwin.errors import EvertwinError, NotYet, OwnershipLost, StoreUnwritabl
 from evertwin.fold import Chunk, Event
 from evertwin.publishers.contract import Kind, News, Publisher, Told
 from evertwin.rows import Numbered
-from evertwin.service.archiving import keep_days
-from evertwin.service.at_work import AtWork, Said, place_of, told
-from evertwin.service.condition import Condition
-from evertwin.service.lane import Lane
-from evertwin.service.lives import tell_lives
-from evertwin.service.plan import Plan
-from evertwin.service.questions import answer
-from evertwin.service.queued import PATIENCE, at_rest, together
-from evertwin.service.sayings import Sayings
-from evertwin.service.silence import Silence, timeouts_of
-from evertwin.service.status import LONG, status_of
-from evertwin.service.tellers import tellers
+from evertwin.service.health.condition import Condition
+from evertwin.service.site.site_plan import Plan
+from evertwin.service.twin.archiving import keep_days
+from evertwin.service.twin.life_watch import tell_lives
+from evertwin.service.twin.live_twin import AtWork, Said, place_of, told
+from evertwin.service.twin.log_lines import Sayings
+from evertwin.service.twin.publishing import tellers
+from evertwin.service.twin.questions import answer
+from evertwin.service.twin.queue_drain import PATIENCE, at_rest, together
+from evertwin.service.twin.quiet_sources import Silence, timeouts_of
+from evertwin.service.twin.twin_status import LONG, status_of
+from evertwin.service.twin.twin_thread import Lane
 from evertwin.sources.live.contract import Around, Health, LiveSource
 from evertwin.sources.live.registry import open_live
 from evertwin.store import SqlStore, looked_at

@@ -27,8 +27,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from evertwin.outcome.open_faults import lasts
-from evertwin.service.off_now import Now
-from evertwin.service.past import past
+from evertwin.service.health.deviation_now import Now
+from evertwin.service.health.past_tense import past
 
 OUT = ("suspected", "abnormal", "drift", "not_valid")
 """Events after which the machine is not as its twin expects, until it is."""

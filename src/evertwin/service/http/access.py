@@ -16,7 +16,7 @@ import time
 from collections.abc import Mapping
 from pathlib import Path
 
-from evertwin.service.site import HttpSpec, Role
+from evertwin.service.site.site_spec import HttpSpec, Role
 
 PATIENCE = 10
 """Wrong tokens of one address in a minute that are answered as such."""

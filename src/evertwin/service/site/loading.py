@@ -12,7 +12,7 @@ from evertwin.ledger.ledger import Ledger
 from evertwin.ledger.versions import Versions
 from evertwin.loop.loading import other_settings, unloadable
 from evertwin.rows.channels import check_units
-from evertwin.service.plan import Plan
+from evertwin.service.site.site_plan import Plan
 from evertwin.setup.configured_model import model_of
 from evertwin.setup.setup import Setup
 from evertwin.sources.live.contract import Around

@@ -28,7 +28,7 @@ from evertwin.fold import Chunk
 from evertwin.models.contract import PartialModel
 from evertwin.models.terms import kernel
 from evertwin.refit.workers import setup_of
-from evertwin.service.status import MAKING
+from evertwin.service.twin.twin_status import MAKING
 from evertwin.setup.deviation import new_usual
 from evertwin.setup.scores import NEVER, exceeds, new_scores
 from evertwin.setup.setup import Setup

@@ -17,7 +17,7 @@ from evertwin.errors import ConfigError, UsageError, nearest
 from evertwin.machines.catalog import contents
 from evertwin.publishers import registry as publishers
 from evertwin.publishers.contract import PublisherSettings
-from evertwin.service.site import NAME, SITE, SiteSpec, TwinEntry
+from evertwin.service.site.site_spec import NAME, SITE, SiteSpec, TwinEntry
 from evertwin.settings.decode import decode
 from evertwin.settings.document import Document
 from evertwin.settings.notes import Path as Place

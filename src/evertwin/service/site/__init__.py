@@ -1,0 +1,1 @@
+"""A site file and what it comes to."""
