@@ -17,7 +17,7 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 
-from evertwin.refit.fitting import FitResult
+from evertwin.refit.recordings.fitting import FitResult
 from planted.twins import opened, shipped
 
 PUBLISHED = {"mass": 95.11, "Fv": 203.5, "Fc": 20.39, "offset": -3.16}

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     )
     from evertwin.models.terms.check import check_term as check_term
     from evertwin.outcome.result import RunResult as RunResult
-    from evertwin.refit.fitting import FitResult as FitResult
+    from evertwin.refit.recordings.fitting import FitResult as FitResult
     from evertwin.signals import Channel as Channel, Layout as Layout
     from evertwin.sources import check_source as check_source
     from evertwin.sources.live import check_live as check_live, open_live as open_live

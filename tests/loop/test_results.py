@@ -32,7 +32,7 @@ from evertwin.errors import MissingExtra, UsageError
 from evertwin.fold import make_block
 from evertwin.models.form import Form
 from evertwin.outcome.result import RunResult
-from evertwin.refit.fitting import FitResult
+from evertwin.refit.recordings.fitting import FitResult
 from evertwin.report import draw_run
 from evertwin.report.run_pictures import draw_improvement
 from evertwin.report.run_report import write_report

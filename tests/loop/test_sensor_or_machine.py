@@ -11,7 +11,7 @@ from evertwin.anomaly.spec import AnomalySpec
 from evertwin.config.spec import ModelSpec, ParameterSpec, PredictionSpec
 from evertwin.models import Parameters
 from evertwin.models.form import Form, Version
-from evertwin.refit.channels import caveats
+from evertwin.refit.tuner.channels import caveats
 from evertwin.setup.task import Task
 from planted.draws import first_of
 

@@ -30,7 +30,7 @@ from evertwin.errors import UsageError
 from evertwin.loop import ByHand
 from evertwin.models import FunctionModel, Parameters
 from evertwin.outcome.result import RunResult
-from evertwin.refit.fit_result import FitResult
+from evertwin.refit.recordings.fit_result import FitResult
 from evertwin.signals import Layout
 from evertwin.sources.spec import TimeSpec
 

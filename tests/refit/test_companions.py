@@ -9,8 +9,8 @@ import numpy as np
 from evertwin.config.spec import AnomalySpec, ModelSpec, TwinSpec
 from evertwin.fold import make_block
 from evertwin.models import FunctionModel, Parameters
-from evertwin.refit.companions import beside
-from evertwin.refit.fewest import fewest
+from evertwin.refit.numbers.companions import beside
+from evertwin.refit.numbers.fewest import fewest
 from evertwin.setup.setup import Setup
 from evertwin.signals import Layout
 from evertwin.tuning import Fit, Problem, solve

@@ -12,7 +12,7 @@ from evertwin.config.spec import AnomalySpec, ModelSpec, TwinSpec
 from evertwin.fold import make_block
 from evertwin.models import FunctionModel, Parameter, Parameters
 from evertwin.models.translated import translated
-from evertwin.refit.fewest import fewest
+from evertwin.refit.numbers.fewest import fewest
 from evertwin.setup.setup import Setup
 from evertwin.signals import Layout
 from evertwin.tuning import Fit, Problem, solve

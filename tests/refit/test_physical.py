@@ -16,7 +16,7 @@ from evertwin.machines.drive import Drive, DriveForce
 from evertwin.machines.friction.resisting import not_physical
 from evertwin.models import Parameters
 from evertwin.models.spec import ModelSpec
-from evertwin.refit.physical import embodied, passive, physically
+from evertwin.refit.numbers.physical import embodied, passive, physically
 from evertwin.refit.work import Work
 from evertwin.setup.setup import Setup
 from evertwin.setup.task import Task

@@ -8,7 +8,7 @@ import pytest
 from evertwin import Twin, TwinSpec
 from evertwin.config import spec as config
 from evertwin.fold import Block, make_block
-from evertwin.refit.simplest import law_now
+from evertwin.refit.numbers.simplest import law_now
 from evertwin.refit.work import Work
 from evertwin.setup.friction_law import climb_laws
 from evertwin.setup.setup import Setup

@@ -8,7 +8,7 @@ import numpy as np
 
 from evertwin.fold import Windows, make_block
 from evertwin.machines.arm import Arm
-from evertwin.refit.standing import without_standing
+from evertwin.refit.rows.standing_joints import without_standing
 
 ARM = Arm.of(str(files("evertwin.machines").joinpath("data", "ur5_like.urdf")))
 

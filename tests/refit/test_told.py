@@ -7,7 +7,7 @@ import pytest
 
 from evertwin.fold import make_block
 from evertwin.machines.mobile import Omni
-from evertwin.refit.told import known, weakened
+from evertwin.refit.numbers.undetermined import known, weakened
 from evertwin.tuning import Fit, Problem, solve
 
 

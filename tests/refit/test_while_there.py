@@ -7,7 +7,7 @@ import pytest
 
 from evertwin.fold import make_block
 from evertwin.models import FunctionModel, Parameters
-from evertwin.refit.while_there import Part, while_there
+from evertwin.refit.rows.state_rows import Part, while_there
 from evertwin.signals import Layout
 from evertwin.tuning import Problem
 from evertwin.types import Float64, Vector

@@ -26,7 +26,7 @@ from evertwin.fold import Answer, Block, Event, take
 from evertwin.ledger.versions import Versions
 from evertwin.models import Model
 from evertwin.models.form import Version
-from evertwin.refit.screening import screened
+from evertwin.refit.recordings.screening import screened
 from evertwin.rows.channels import unit_told
 from evertwin.rows.feed import Data, Feed
 from evertwin.setup.setup import Setup

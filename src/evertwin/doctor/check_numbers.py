@@ -12,7 +12,7 @@ from evertwin.doctor.finding import Finding
 from evertwin.errors import DataError, ModelError, UsageError
 from evertwin.fold import Block
 from evertwin.gauges.unlike import Changes, changes
-from evertwin.refit.physical import physically
+from evertwin.refit.numbers.physical import physically
 from evertwin.refit.work import Work
 from evertwin.tuning import solve, told_apart
 from evertwin.types import ParameterVector, Vector

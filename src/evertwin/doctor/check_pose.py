@@ -15,7 +15,7 @@ from evertwin.doctor.finding import Finding
 from evertwin.errors import TooFew
 from evertwin.fold import Block, take
 from evertwin.models.terms.of_pose import POSE, posed
-from evertwin.refit.posterior import posterior
+from evertwin.refit.numbers.posterior import posterior
 
 ROWS = 3000
 """Rows of each recording that are looked at."""

@@ -28,7 +28,7 @@ from evertwin.ledger.versions import Versions
 from evertwin.models import Model
 from evertwin.models.configured import configured
 from evertwin.models.form import Version
-from evertwin.refit.correcting import sarsa_settings
+from evertwin.refit.answers.correcting import sarsa_settings
 from evertwin.refit.work import Work
 from evertwin.setup.setup import Setup
 from evertwin.sources.columns.names import listed

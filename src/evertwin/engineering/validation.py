@@ -35,9 +35,9 @@ from evertwin.machines.assembly.inverse import StaticInverse
 from evertwin.machines.friction.resisting import WITHIN, within
 from evertwin.models import Model, check_model
 from evertwin.models.configured import configured
-from evertwin.refit.fitting import Tuned, listed, named, tune
-from evertwin.refit.screening import screened
-from evertwin.refit.term_search import own_start
+from evertwin.refit.recordings.fitting import Tuned, listed, named, tune
+from evertwin.refit.recordings.screening import screened
+from evertwin.refit.recordings.term_search import own_start
 from evertwin.rows.feed import Data, Feed
 from evertwin.setup.evaluation import Prediction, predict
 from evertwin.setup.setup import Setup

@@ -16,7 +16,7 @@ from evertwin.fold import Block, Event
 from evertwin.ledger.versions import Versions
 from evertwin.models import Model
 from evertwin.models.form import Version
-from evertwin.refit.screening import screened
+from evertwin.refit.recordings.screening import screened
 from evertwin.rows.feed import Feed
 from evertwin.setup.evaluation import predict
 from evertwin.setup.setup import Setup

@@ -6,7 +6,7 @@ from evertwin.errors import UsageError
 from evertwin.fold import Event
 from evertwin.ledger.label import Label
 from evertwin.ledger.ledger import Ledger
-from evertwin.refit.named_cause import tunable
+from evertwin.refit.answers.named_cause import tunable
 from evertwin.setup.setup import Setup
 
 

@@ -29,7 +29,7 @@ from evertwin.loop.requirement import deviates, foreseen, heard, rises, unexplai
 from evertwin.loop.succession import clears, driven, in_doubt, makes_room, opening, to_blame
 from evertwin.loop.unanswered import unanswered
 from evertwin.models.form import Form
-from evertwin.refit.states import tried
+from evertwin.refit.answers.states import tried
 from evertwin.rows.ring import refuse
 from evertwin.setup.scores import judged_anew, mark
 from evertwin.setup.twin_state import PROBATION, TRIAL, WATCH, TwinState

@@ -9,7 +9,7 @@ import numpy as np
 
 from evertwin.loop.decision import Decision
 from evertwin.models.form import Version
-from evertwin.refit.states import amount
+from evertwin.refit.answers.states import amount
 from evertwin.setup.deviation import judged_deviation
 from evertwin.setup.setup import FEW, Setup
 from evertwin.setup.twin_state import TRIAL, TwinState

@@ -18,7 +18,7 @@ from evertwin.ledger.caveats import caveats_of
 from evertwin.loop.former import former
 from evertwin.loop.in_stream import as_is
 from evertwin.models.form import Version
-from evertwin.refit.answering import undone
+from evertwin.refit.answer_events import undone
 from evertwin.refit.work import Work
 from evertwin.setup.task import Doubt, Task
 from evertwin.setup.twin_state import TwinState

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from evertwin.surface import surface
 
 if TYPE_CHECKING:
-    from evertwin.refit.fitting import (
+    from evertwin.refit.recordings.fitting import (
         FitResult as FitResult,
         Watch as Watch,
         fit as fit,

@@ -9,7 +9,6 @@ to prove itself on data that this work has not seen.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -24,38 +23,41 @@ from evertwin.gauges.change import suddenly
 from evertwin.gauges.gauge import at_once
 from evertwin.gauges.misread import misread
 from evertwin.gauges.refuted import refuted
-from evertwin.gauges.settled import clearly_worse
 from evertwin.gauges.silent import silent
 from evertwin.gauges.stuck import stuck
 from evertwin.ledger.versions import Versions
 from evertwin.machines.friction.resisting import not_physical
-from evertwin.models.form import Form, Version
+from evertwin.models.form import Version
 from evertwin.models.terms.registry import kind
-from evertwin.refit.answering import against, event, goes_on, of_a_sensor, undone
-from evertwin.refit.channels import caveats, of_a_bias, of_a_channel, of_late_scans, of_what_is_read
-from evertwin.refit.correcting import sought
-from evertwin.refit.fewest import fewest
-from evertwin.refit.judgement import judged, numbers_first, of_the_form
-from evertwin.refit.known_badly import known_badly
-from evertwin.refit.named_cause import named_first
-from evertwin.refit.newest import after, newer, newest
-from evertwin.refit.one_form import made, plainer
-from evertwin.refit.physical import embodied, passive
-from evertwin.refit.posterior import posterior, sentences
-from evertwin.refit.recovered import recovered
-from evertwin.refit.recursive_fit import Recursion
-from evertwin.refit.retold import retold
-from evertwin.refit.simplest import law_now
-from evertwin.refit.states import States, amount
-from evertwin.refit.told import known, weakened
-from evertwin.refit.tuner import ENOUGH, Tuner
+from evertwin.refit.answer_events import against, event, goes_on, of_a_sensor, undone
+from evertwin.refit.answers.correcting import sought
+from evertwin.refit.answers.loose_thresholds import known_badly
+from evertwin.refit.answers.named_cause import named_first
+from evertwin.refit.answers.recovered import recovered
+from evertwin.refit.answers.states import States, amount
+from evertwin.refit.answers.told_anew import retold
+from evertwin.refit.numbers.fewest import fewest
+from evertwin.refit.numbers.physical import embodied, passive
+from evertwin.refit.numbers.posterior import posterior, sentences
+from evertwin.refit.numbers.simplest import law_now
+from evertwin.refit.rows.newest import after, newer, newest
+from evertwin.refit.rows.one_form import made, plainer
+from evertwin.refit.tuner.candidates import Candidates
+from evertwin.refit.tuner.channels import (
+    caveats,
+    of_a_bias,
+    of_a_channel,
+    of_late_scans,
+    of_what_is_read,
+)
+from evertwin.refit.tuner.judgement import judged, numbers_first, of_the_form
+from evertwin.refit.tuner.tuner import ENOUGH
 from evertwin.refit.workers import setup_of
 from evertwin.setup.at_rest import at_rest
-from evertwin.setup.evaluation import left, scale_of, sizes
+from evertwin.setup.evaluation import left, sizes
 from evertwin.setup.false_start import rightly_begun
 from evertwin.setup.friction_law import acting
 from evertwin.setup.task import Task
-from evertwin.trial import admit
 from evertwin.tuning import Fit, Problem
 from evertwin.tuning.posing.before import later
 from evertwin.tuning.posing.hidden_starts import own_starts
@@ -77,7 +79,7 @@ def work_of(spec: TwinSpec, rate: float | None) -> Work:
 
 
 @dataclass(frozen=True)
-class Work(Tuner):
+class Work(Candidates):
     """Answers to requests. It travels as its twin file: models never do.
 
     >>> Work.__name__
@@ -272,39 +274,6 @@ class Work(Tuner):
         """
         return not verdict.cause and not fit.at_bound and explained(fit, fit.noise) >= HALF
 
-    def tuned(
-        self, version: Version, problem: Problem, fit: Fit, windows: Windows,
-        events: list[dict[str, Any]],
-    ) -> dict[str, Any] | None:  # fmt: skip
-        """The tuned version as a candidate, if something was learned and all is inside bounds."""
-        checks = admit(fit.values, *problem.bounds)
-        missed = [check.name for check in checks if not check.passed]
-        blind = set(fit.verdict) == {"not"}  # an event has said so of each number
-        if missed:
-            events.append(event("rejected", "", f"outside: {', '.join(missed)}", {}))
-        if missed or blind or not fit.converged or not np.any(fit.values != fit.start):
-            return None
-        if rest := known(fit, version.names):
-            other = self.tune(problem.tuning(rest.names))[:2] if rest.names else None
-            if other and clearly_worse(fit, other[1]):  # whatever they are, they are not as before
-                return self.tuned(version, problem, weakened(fit, rest), windows, events)
-            events.append(event("rejected", "", rest.why, {}))
-            if other is None:
-                return None
-            pays = explained(other[1], other[1].noise) >= self.setup.trial.margin
-            return self.tuned(version, *other, windows, events) if pays else None
-        told = [name for name in fit.moved if name.removesuffix(" (weak)") in version.names]
-        reason = f"tuned {', '.join(told)}"
-        events.append(event("tuned", "", reason, fit.to_dict(timing=False)))
-        # also what a term was chosen with, which no fit tunes; without recordings' own starts
-        rows = zip(problem.model.parameters.names, fit.p.tolist(), version.p.tolist(), strict=True)
-        values = {name: new for name, new, old in rows if new != old or name in fit.names}
-        if self.setup.spec.tuning.method == "recursive":
-            followed, newest, _ = Recursion.after(self.setup, problem, fit).learned(windows)
-            values |= dict(zip(followed, newest.tolist(), strict=True))
-        scale = scale_of(*(sizes(self.setup, problem, v) for v in (fit.start, fit.values)))
-        return self.candidate(version.form, values, scale, reason, windows)
-
     # ------------------------------------------------------------------ correction
 
     def _next(self) -> str | None:
@@ -373,21 +342,3 @@ class Work(Tuner):
         problem, fit, _ = self.tune(self.problem(version, windows, names))
         least = HALF if self.setup.spec.correction.translated else self.setup.trial.margin
         return (problem, fit) if explained(fit, fit.noise) >= least else None
-
-    def candidate(
-        self, form: Form, values: Mapping[str, float], scale: np.ndarray, reason: str,
-        windows: Windows,
-    ) -> dict[str, Any]:  # fmt: skip
-        """As an answer holds it; ``scale``: what counts as 1 in its trial, per output."""
-        return {
-            "form": form, "values": values, "scale": scale, "reason": reason,
-            "watched": self.watched(windows), "told": windows[0].row if windows else 0,
-        }  # fmt: skip
-
-    def watched(self, windows: Windows) -> np.ndarray:
-        """Range of the watched inputs over the windows, (k, 2)."""
-        columns = [self.setup.model.inputs.index(n) for n in self.setup.spec.correction.watch]
-        if not columns or not windows:
-            return np.zeros((0, 2))
-        u = np.concatenate([w.u[:, columns] for w in windows])
-        return np.stack([np.nanmin(u, axis=0), np.nanmax(u, axis=0)], axis=1)

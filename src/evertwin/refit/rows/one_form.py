@@ -15,8 +15,8 @@ from evertwin.gauges.change import PART
 from evertwin.ledger.versions import Versions
 from evertwin.models import Model
 from evertwin.models.form import Version
-from evertwin.refit.answering import changed_since
-from evertwin.refit.newest import CLEARLY
+from evertwin.refit.answer_events import changed_since
+from evertwin.refit.rows.newest import CLEARLY
 from evertwin.setup.evaluation import left
 from evertwin.setup.setup import Setup
 from evertwin.types import ParameterVector, Vector

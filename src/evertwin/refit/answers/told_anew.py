@@ -9,16 +9,17 @@ its trial.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from evertwin.anomaly.verdict import explained
 from evertwin.ledger.caveats import in_doubt_of
 from evertwin.models.form import Version
-from evertwin.refit.fewest import fewest
-from evertwin.refit.physical import embodied
-from evertwin.refit.simplest import law_now
+from evertwin.refit.numbers.fewest import fewest
+from evertwin.refit.numbers.physical import embodied
+from evertwin.refit.numbers.simplest import law_now
+from evertwin.refit.tuner.candidates import Candidates
 from evertwin.rows.ring import called
 from evertwin.setup.task import Task
 from evertwin.tuning import Fit, Problem
@@ -26,11 +27,8 @@ from evertwin.tuning.form.step_length import stepped
 from evertwin.tuning.intervals.curvature import unbent
 from evertwin.tuning.posing.recordings import beginning
 
-if TYPE_CHECKING:
-    from evertwin.refit.work import Work
 
-
-def retold(work: Work, task: Task) -> dict[str, Any]:
+def retold(work: Candidates, task: Task) -> dict[str, Any]:
     """The answer: a candidate, if the rows tell numbers beyond their intervals by more than a trial
     asks for; else nothing.
 
@@ -60,7 +58,7 @@ def retold(work: Work, task: Task) -> dict[str, Any]:
 
 
 def _with_those_tuned(
-    work: Work, before: Version | None, live: Version, problem: Problem, fit: Fit
+    work: Candidates, before: Version | None, live: Version, problem: Problem, fit: Fit
 ) -> tuple[Problem, Fit]:
     """The fewest numbers that tell the rows, beside those that the live version tuned."""
     posed, found = fewest(work.setup, problem, fit, work.tune)

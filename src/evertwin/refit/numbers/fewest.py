@@ -16,8 +16,8 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from evertwin.gauges.gauge_rows import residual
-from evertwin.refit.companions import beside
-from evertwin.refit.physical import PASSIVE
+from evertwin.refit.numbers.companions import beside
+from evertwin.refit.numbers.physical import PASSIVE
 from evertwin.setup.evaluation import falls_short
 from evertwin.setup.setup import Setup
 from evertwin.signals.sizes import mean_square, rms

@@ -26,8 +26,8 @@ from evertwin.gauges.sensor_change import SensorChange
 from evertwin.gauges.stuck import stuck
 from evertwin.gauges.turned import of_an_angle
 from evertwin.ledger.caveats import SAME, SENSOR, caveats_of
-from evertwin.refit.answering import event
-from evertwin.refit.tuner import ENOUGH, Tuner
+from evertwin.refit.answer_events import event
+from evertwin.refit.tuner.tuner import ENOUGH, Tuner
 from evertwin.setup.setup import Setup
 from evertwin.setup.task import Task
 from evertwin.tuning import Fit, Problem

@@ -19,11 +19,11 @@ from evertwin.models import Model
 from evertwin.models.batch import is_native
 from evertwin.models.corrected import Corrected
 from evertwin.models.form import Version
-from evertwin.refit.answering import changed_since, event, not_told
-from evertwin.refit.judgement import NEARLY_ALL
-from evertwin.refit.newest import after
-from evertwin.refit.physical import physically
-from evertwin.refit.standing import without_standing
+from evertwin.refit.answer_events import changed_since, event, not_told
+from evertwin.refit.numbers.physical import physically
+from evertwin.refit.rows.newest import after
+from evertwin.refit.rows.standing_joints import without_standing
+from evertwin.refit.tuner.judgement import NEARLY_ALL
 from evertwin.setup.evaluation import left
 from evertwin.setup.setup import Setup
 from evertwin.setup.task import Task

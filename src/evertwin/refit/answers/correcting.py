@@ -30,7 +30,7 @@ from evertwin.ledger.versions import Versions
 from evertwin.models import Model
 from evertwin.models.form import Form, Term, Version
 from evertwin.models.terms.rows import level_count
-from evertwin.refit.recall import recalled
+from evertwin.refit.rows.recall import recalled
 from evertwin.setup.setup import Setup
 from evertwin.types import Vector
 

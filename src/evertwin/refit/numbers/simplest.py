@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from evertwin.refit.fewest import Tune
+from evertwin.refit.numbers.fewest import Tune
 from evertwin.setup.evaluation import falls_short
 from evertwin.setup.friction_law import Chosen, climb_laws, nested, unseen
 from evertwin.setup.setup import Setup

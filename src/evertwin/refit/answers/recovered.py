@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -19,24 +19,22 @@ from evertwin.gauges.change import split, swings_alike
 from evertwin.gauges.gauge_rows import unchanged
 from evertwin.gauges.sensor_change import unmeasured
 from evertwin.models.form import Version
-from evertwin.refit.answering import event
-from evertwin.refit.newest import after
-from evertwin.refit.tuner import ENOUGH
+from evertwin.refit.answer_events import event
+from evertwin.refit.rows.newest import after
+from evertwin.refit.tuner.candidates import Candidates
+from evertwin.refit.tuner.tuner import ENOUGH
 from evertwin.rows.ring import called
 from evertwin.setup.evaluation import scale_of, sizes
 from evertwin.setup.task import Task
 from evertwin.trial import Recovery
 from evertwin.tuning import Problem
 
-if TYPE_CHECKING:
-    from evertwin.refit.work import Work
-
 ALIKE = 1.2
 """So many times what tuned numbers leave on unseen rows a version that is back leaves at most."""
 
 
 @unmeasured()
-def recovered(work: Work, task: Task) -> dict[str, Any] | None:
+def recovered(work: Candidates, task: Task) -> dict[str, Any] | None:
     """The content of an answer with the former version that is nearest to the machine since it is
     so; None: none is within the requirement, off by half of what the live one is off by, or less,
     and by hardly more than what is tuned to these rows.
@@ -83,14 +81,14 @@ def recovered(work: Work, task: Task) -> dict[str, Any] | None:
     }  # fmt: skip
 
 
-def _since(work: Work, live: Problem, old: Problem) -> Windows:
+def _since(work: Candidates, live: Problem, old: Problem) -> Windows:
     """The rows from which on an ``old`` version does better than the live one, summed over all."""
     first, second = (np.square(unchanged(one))[:, work.setup.watched] for one in (live, old))
     gain = np.nansum((first - second) / np.nanmean(first, axis=0), axis=1)
     return split(live.windows, 1 + int(np.argmin(np.cumsum(gain))))[1]
 
 
-def _enough(work: Work, windows: Windows, names: Sequence[str]) -> bool:
+def _enough(work: Candidates, windows: Windows, names: Sequence[str]) -> bool:
     """Are these rows enough to tune, and as many predictions as one that comes back is weighed
     on?"""
     rows = sum(len(block.t) for block in windows)
@@ -100,7 +98,7 @@ def _enough(work: Work, windows: Windows, names: Sequence[str]) -> bool:
     return rows >= ENOUGH * len(names) and seconds >= least
 
 
-def _tuned(work: Work, version: Version, windows: Windows, names: tuple[str, ...]) -> float:
+def _tuned(work: Candidates, version: Version, windows: Windows, names: tuple[str, ...]) -> float:
     """What numbers tuned to one half of the rows leave on the other half, mean over the outputs:
     on few rows they leave next to nothing of those that they are tuned to."""
     halves, left = split(windows, sum(len(block.t) for block in windows) // 2), list[float]()

@@ -21,8 +21,8 @@ from evertwin.anomaly.verdict import Rule
 from evertwin.fold import Mark, Windows
 from evertwin.gauges.change import split
 from evertwin.models.form import Version
-from evertwin.refit.physical import PASSIVE
-from evertwin.refit.while_there import while_there
+from evertwin.refit.numbers.physical import PASSIVE
+from evertwin.refit.rows.state_rows import while_there
 from evertwin.rows.ring import called
 from evertwin.setup.setup import Setup
 from evertwin.signals.units import compatible

@@ -23,12 +23,12 @@ from evertwin.gauges.turned import Numbered
 from evertwin.ledger.versions import Versions
 from evertwin.models import Model
 from evertwin.models.failures import Failed
-from evertwin.refit.fit_result import FitResult as FitResult
-from evertwin.refit.fit_result import Held
-from evertwin.refit.formed import Formed
-from evertwin.refit.recursive_fit import Recursion
-from evertwin.refit.screening import Screened, screened
-from evertwin.refit.term_search import Started, check_initials, own_start, with_terms
+from evertwin.refit.numbers.recursive_fit import Recursion
+from evertwin.refit.recordings.fit_result import FitResult as FitResult
+from evertwin.refit.recordings.fit_result import Held
+from evertwin.refit.recordings.formed import Formed
+from evertwin.refit.recordings.screening import Screened, screened
+from evertwin.refit.recordings.term_search import Started, check_initials, own_start, with_terms
 from evertwin.refit.work import Work
 from evertwin.refit.workers import far_of
 from evertwin.rows.feed import Data, Feed

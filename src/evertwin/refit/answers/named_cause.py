@@ -6,19 +6,17 @@ else an event says what it explains, and all that may be tuned is tuned as if no
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from evertwin.anomaly.verdict import explained
 from evertwin.errors import UsageError
-from evertwin.refit.answering import event
+from evertwin.refit.answer_events import event
+from evertwin.refit.tuner.candidates import Candidates
 from evertwin.setup.evaluation import falls_short
 from evertwin.setup.setup import Setup
 from evertwin.setup.task import Task
 from evertwin.tuning import Problem
 from evertwin.tuning.posing.recordings import beginning
-
-if TYPE_CHECKING:
-    from evertwin.refit.work import Work
 
 ENOUGH = 0.5
 """Share of the deviation that a named cause explains at least."""
@@ -45,7 +43,7 @@ def tunable(setup: Setup, cause: str) -> tuple[str, ...]:
 
 
 def named_first(
-    work: Work, task: Task, posed: Problem, events: list[dict[str, Any]]
+    work: Candidates, task: Task, posed: Problem, events: list[dict[str, Any]]
 ) -> dict[str, Any] | None:
     """The answer where the cause that was named is the one; None: there is none, or it is not.
 

@@ -7,7 +7,7 @@ another one since then. So it is asked first whether they alone, as all rows tel
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -16,13 +16,11 @@ from evertwin.errors import TooFew
 from evertwin.fold import Windows
 from evertwin.gauges.change import PART, split
 from evertwin.models.form import Version
-from evertwin.refit.answering import event
+from evertwin.refit.answer_events import event
+from evertwin.refit.tuner.candidates import Candidates
 from evertwin.setup.evaluation import scale_of
 from evertwin.setup.task import Task
 from evertwin.types import Outputs
-
-if TYPE_CHECKING:
-    from evertwin.refit.work import Work
 
 PARTS = 4
 """Parts of the rows in none of which the version may become worse: with numbers between those of
@@ -31,7 +29,7 @@ LEAVES = 0.5
 """Share of the mean square of an output that is left at most."""
 
 
-def known_badly(work: Work, task: Task) -> dict[str, Any] | None:
+def known_badly(work: Candidates, task: Task) -> dict[str, Any] | None:
     """The answer with the version's form as all rows tell its numbers; None: that is not it."""
     version, setup = task.version, work.setup
     if not (task.windows and slides(version.form)):
@@ -61,7 +59,7 @@ def known_badly(work: Work, task: Task) -> dict[str, Any] | None:
     }  # fmt: skip
 
 
-def _squares(work: Work, version: Version, windows: Windows) -> Outputs:
+def _squares(work: Candidates, version: Version, windows: Windows) -> Outputs:
     """Mean square of what a version is off by in each part of the rows, (parts, ny)."""
     rest, found = windows, list[Outputs]()
     for k in range(PARTS, 0, -1):

@@ -24,7 +24,7 @@ from evertwin.models.form import Form
 from evertwin.models.terms.contract import SHAPED, Candidate, GridTerm
 from evertwin.models.terms.registry import kind
 from evertwin.models.terms.rows import Rows
-from evertwin.refit.formed import Formed
+from evertwin.refit.recordings.formed import Formed
 from evertwin.refit.work import Work
 from evertwin.setup.setup import Setup
 from evertwin.signals.sizes import rms

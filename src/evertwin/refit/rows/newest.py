@@ -16,7 +16,7 @@ import numpy as np
 from evertwin.errors import DataError, ModelError
 from evertwin.fold import Windows, take
 from evertwin.gauges.change import split, swings_alike
-from evertwin.refit.fewest import Tune
+from evertwin.refit.numbers.fewest import Tune
 from evertwin.tuning import Fit, Problem
 from evertwin.tuning.posing.recordings import beginning
 from evertwin.types import Bools, Vector

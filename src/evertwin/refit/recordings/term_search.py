@@ -3,7 +3,8 @@
 Terms are sought on top of the version as it is, since numbers that were tuned for a form without
 the term have already bent to make up for it, and on top of the tuned one, since a guess may be far
 off. Then everything is tuned together; a term stays only if the tuned form leaves less than the
-tuned version without it. Where states are not measured, `evertwin.refit.whole_fits` seeks instead.
+tuned version without it. Where states are not measured, `evertwin.refit.recordings.whole_fits`
+seeks instead.
 Parameters that a model calls its ``initials`` are the state before a recording that nothing
 measures: they belong to the recording, so each one gets its own.
 """
@@ -26,8 +27,8 @@ from evertwin.models import Model
 from evertwin.models.corrected import Corrected
 from evertwin.models.form import Version
 from evertwin.models.terms.rows import Rows
-from evertwin.refit.formed import Formed
-from evertwin.refit.whole_fits import few, sought
+from evertwin.refit.recordings.formed import Formed
+from evertwin.refit.recordings.whole_fits import few, sought
 from evertwin.refit.work import Work
 from evertwin.setup.setup import Setup
 from evertwin.tuning import Fit, Problem, initials, solve

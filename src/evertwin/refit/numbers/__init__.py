@@ -1,0 +1,1 @@
+"""Which numbers move, and what is known of them."""
