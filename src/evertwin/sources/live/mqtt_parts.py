@@ -96,6 +96,8 @@ class Count:
         """The newest number before the last one, where that is far from it; what lies between."""
         self._unread = 0
         """Messages that came since the newest number and whose own is not known."""
+        self._apart: int | None = None
+        """The last number that was taken for a wrong one: right, once the count comes to it."""
         self._gaps: deque[Gap] = deque(maxlen=GAPS)
 
     def late(self, number: Raw, publisher: Raw) -> bool:
@@ -121,7 +123,10 @@ class Count:
                 self._unread += 1
                 return 0
             wrong = self._take_back()
-            return self.missing(number, publisher, cause) - wrong
+            missing = self.missing(number, publisher, cause) - (wrong.lost if wrong else 0)
+            if wrong is not None and missing < 0:
+                self.cause = wrong.cause
+            return missing
         self._left = None
         gap = self._gap(number)
         if gap is not None:
@@ -147,26 +152,29 @@ class Count:
     def _begin(self, number: int, publisher: Raw) -> int:
         self.starts += self.newest is not None
         self.newest, self.publisher = number, publisher
-        self._unread, self._left = 0, None
+        self._unread, self._left, self._apart = 0, None, None
         self._gaps.clear()
         return 0
 
     def _go_on(self, number: int, cause: str) -> int:
         assert self.newest is not None
-        lost = max(number - self.newest - 1 - self._unread, 0)
+        lost = number - self.newest - 1
+        if self._apart is not None and self.newest < self._apart < number:
+            lost, self._apart = lost - 1, None
+        lost = max(lost - self._unread, 0)
         if number > self.newest + 1:
             self._gaps.append(Gap(self.newest + 1, number - 1, lost, cause))
         self.newest, self._unread, self.cause = number, 0, cause
         return lost
 
-    def _take_back(self) -> int:
+    def _take_back(self) -> Gap | None:
         """The number before this one was none of the publisher's; what was called lost for it."""
         assert self._left is not None
+        self._apart = self.newest
         (self.newest, gap), self._left, self._unread = self._left, None, self._unread + 1
-        if gap is None:
-            return 0
-        self._gaps.remove(gap)
-        return gap.lost
+        if gap is not None:
+            self._gaps.remove(gap)
+        return gap
 
     def _fill(self, gap: Gap, number: int) -> int:
         self._gaps.remove(gap)
