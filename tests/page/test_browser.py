@@ -31,6 +31,13 @@ GHOST = """async () => {
   const degrees = (one) => one.map((v) => Math.round((v * 1800) / Math.PI) / 10);
   return [turned(0, null), turned(2, -90)].map(degrees);
 }"""
+TABLES = """async () => {
+  const { tables } = await import("/static/scene.js");
+  const row = { "table2.x": 1, "table2.y": 2, "table2.heading": Math.PI / 2, "table2.length": 1.2,
+    "table2.width": 0.8, "table2.leg": 0.1, "table1.length": 0 };
+  const round = (v) => Math.round(100 * v) / 100 + 0;
+  return tables(2, (name) => row[name]).map(({ a, points }) => (a ?? points.flat()).map(round));
+}"""
 TRUST = """async () => {
   const { trust } = await import("/static/verdict.js");
   const { levelOf, quantity, unitOf } = await import("/static/words.js");
@@ -478,6 +485,12 @@ def test_the_ghost_of_an_arm_goes_where_the_torques_differ(shown: Shown) -> None
     for wide, room in (page.evaluate(NEWEST), page.evaluate(WIDE)):
         assert 0 < wide <= room, "each figure with its unit"
     assert "of its usual torque" in page.inner_text("#leans")
+
+
+def test_tables_of_the_simulated_world_stand_where_the_model_has_them(shown: Shown) -> None:
+    *legs, plate = shown.go("").evaluate(TABLES)
+    assert legs == [[0.7, 2.5, 0], [0.7, 1.5, 0], [1.3, 1.5, 0], [1.3, 2.5, 0]]
+    assert plate[:6] == [0.7, 2.5, 0.72, 0.7, 1.5, 0.72] and plate[-3:] == plate[:3]
 
 
 def test_what_was_never_judged_is_not_counted_as_good(shown: Shown) -> None:

@@ -68,6 +68,16 @@ def table_channels(places: int) -> tuple[str, ...]:
     return tuple(f"table{k + 1}.{name}" for k in range(places) for name in UNITS)
 
 
+def tables_of(inputs: Iterable[str]) -> int:
+    """Places for tables that the inputs of a model have.
+
+    >>> tables_of(("v", *table_channels(2)))
+    2
+    """
+    known = set(inputs)
+    return sum(f"table{k + 1}.x" in known for k in range(MOST_TABLES))
+
+
 def parts(shape: Float64[np.ndarray, " 5"], radius: float, plate: Plate) -> Iterator[Part]:
     """The pieces of a table of a shape (x, y, heading, length, width around the legs)."""
     thick = plate.height if plate.solid else THICK

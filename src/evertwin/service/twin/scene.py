@@ -17,6 +17,7 @@ from typing import Any
 from evertwin.machines.arm.model import Arm
 from evertwin.machines.arm.rnea import JOINT
 from evertwin.models import Model
+from evertwin.models.table_bodies import tables_of
 
 POSE = ("x", "y", "heading")
 
@@ -29,7 +30,8 @@ def scene_of(model: Model, tolerance: float) -> Mapping[str, Any]:
     names = model.outputs.names
     if "x" in names:
         kind = "base" if "y" in names else "line"
-        return {"kind": kind, "pose": [n for n in POSE if n in names], "tolerance": tolerance}
+        pose, tables = [n for n in POSE if n in names], tables_of(model.inputs.names)
+        return {"kind": kind, "pose": pose, "tolerance": tolerance, "tables": tables}
     return {"kind": "none"}
 
 

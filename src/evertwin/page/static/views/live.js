@@ -2,7 +2,7 @@
 
 import { Axis, Chart, fromPixels, fromRows } from "../chart.js";
 import { h, put, renew, table } from "../dom.js";
-import { arm, exceeds, floor, leaning, robot, Scene } from "../scene.js";
+import { arm, exceeds, floor, leaning, robot, Scene, tables } from "../scene.js";
 import { verdict } from "../verdict.js";
 import { age, clock, number, levelOf, parted, quantity, trimmed, unitOf } from "../words.js";
 import { ask, asKnown, of } from "../wire.js";
@@ -237,12 +237,13 @@ class Live {
       line: "Solid: as measured. Ghost: as simulated. Line: the path. Crosses: the simulation, by the live version, took over the measured place.",
       none: "This model does not say what its machine looks like.",
     }[this.looks.kind];
+    const stand = this.looks.tables ? " Tables: where the scans tell; the simulated machine meets them, too." : "";
     if (this.looks.kind === "none") return put(this.solid, h("p", { class: "quiet" }, said));
     const big = this.looks.kind === "arm";
     const reach = big ? this.looks.joints.reduce((sum, one) => sum + Math.hypot(...one.position), 0) : 0;
     this.scene = new Scene({ centre: [0, 0, 0.3 * reach], distance: big ? 1.5 * reach : 9, tilt: big ? 0.3 : 1.1, turn: big ? -0.7 : 0, label: `${this.twin}: the machine and its simulated ghost; arrow keys turn it` });
     this.leans = h("p", { class: "quiet", id: "leans" });
-    put(this.solid, h("h2", {}, "Machine and ghost"), this.scene.canvas, big && this.leans, h("p", { class: "quiet" }, h("small", {}, said)));
+    put(this.solid, h("h2", {}, "Machine and ghost"), this.scene.canvas, big && this.leans, h("p", { class: "quiet" }, h("small", {}, said + stand)));
     this.fresh = true;
     return undefined;
   }
@@ -280,7 +281,8 @@ class Live {
     }
     const step = 10 ** Math.floor(Math.log10(Math.max(this.scene.distance / 5, 1))); // a grid, not a grey plane
     const size = Math.max(0.25, 0.025 * this.scene.distance); // it is seen beside a long path, too
-    const things = [floor(step * Math.ceil(this.scene.distance / 3 / step), step, this.scene.centre.map((v) => step * Math.round(v / step))), path, adopted];
+    const things = [floor(step * Math.ceil(this.scene.distance / 3 / step), step, this.scene.centre.map((v) => step * Math.round(v / step))), path, adopted,
+      ...tables(this.looks.tables, (name) => rows.inputs[name]?.[k])];
     const [m, p] = [pose("measured", k), pose("predicted", k)];
     if (known(m)) things.push(...robot(m, size));
     if (known(p)) things.push(...robot(p, 1.12 * size, true));
