@@ -17,7 +17,7 @@ import numpy as np
 from evertwin.fold import Block
 from evertwin.gauges import scanned
 from evertwin.models import Model
-from evertwin.rows.channels import averaged, unit_told
+from evertwin.rows.channels import averaged, measured_as, unit_told
 from evertwin.setup.setup import Setup
 from evertwin.signals import Channel
 from evertwin.signals.mistaken import SIGN, TURN, Mistake, mistaken
@@ -183,7 +183,11 @@ def possible(setup: Setup, model: Model) -> Iterator[Reading]:
         signs = np.array([SIGN if one.name in pose[1:] else 1.0 for one in channels])
         own, still = tuple(range(len(channels))), np.zeros(len(channels))
         yield Reading(own, signs, still, (pose[2], pose[1]), SIGN, scanned.other_way(spec))
-    for one in readings(model, units):
+    leads = _leads([measured_as(spec, one.name) for one in channels])
+    for recorded_so in readings(model, units):
+        one = _carried(recorded_so, channels, leads)
+        if one is None:
+            continue
         scaled = one.number > 0.0 and not one.exchanged
         said = one.said + scanned.or_unit(spec, model, one.channels) * scaled
         yield one._replace(said=said)
@@ -192,6 +196,33 @@ def possible(setup: Setup, model: Model) -> Iterator[Reading]:
         if n := len(sources):
             name = f"one of {' and '.join(sources)}, of which {channel.name} is the mean,"
             yield from _of_one(channels, units, k, (n, name))
+
+
+def _leads(measured: Sequence[str]) -> tuple[int, ...]:
+    """Of each channel: the first that is computed of the same recorded one, itself where alone."""
+    return tuple(measured.index(name) for name in measured)
+
+
+def _carried(one: Reading, channels: Sequence[Channel], leads: Sequence[int]) -> Reading | None:
+    """A reading with what is derived from the channels that it moves; None: it moves what is
+    derived, which nobody recorded, alone, or leaves it behind."""
+    columns, factors, shifts = list(one.columns), one.factors.copy(), one.shifts.copy()
+    moved = one.moved
+    for k, lead in enumerate(leads):
+        if lead == k or not (moved[k] or moved[lead]):
+            continue
+        if not moved[lead]:
+            return None
+        factors[k] = factors[lead]
+        shifts[k] = shifts[lead] if channels[k].unit == channels[lead].unit else 0.0
+        if one.exchanged:
+            order = [j for j, first in enumerate(leads) if first == lead].index(k)
+            others = [j for j, first in enumerate(leads) if first == one.columns[lead]]
+            if order >= len(others) or channels[others[order]].unit != channels[k].unit:
+                return None
+            columns[k] = others[order]
+    whole = len(set(columns)) == len(columns)
+    return one._replace(columns=tuple(columns), factors=factors, shifts=shifts) if whole else None
 
 
 def _of_one(
