@@ -1,4 +1,4 @@
-"""A hidden speed, and numbers of which only ratios are told: force, mass and friction of a slide."""
+"""A hidden speed, and numbers of which only ratios are told: force, mass, friction of a slide."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evertwin import FunctionModel, Layout, Parameters, Twin, TwinSpec
+from evertwin import FunctionModel, Layout, Parameters, RunResult, Twin, TwinSpec
 from evertwin.config import spec
 from planted.draws import first_of
 
@@ -27,8 +27,9 @@ def step(x: Any, u: Any, dt: float, p: Any) -> Any:
     return [place, speed], [place]
 
 
-def slide(seed: int, *, off: float) -> tuple[FunctionModel, dict[str, Any]]:
-    """A model whose numbers are off by such a factor's logarithm at most, and its recording."""
+def slide(seed: int, *, off: float, eased: float = 1.0) -> tuple[FunctionModel, dict[str, Any]]:
+    """A model whose numbers are off by such a factor's logarithm at most, and its recording, from
+    the middle of which on viscous friction is so many times what it was."""
     rng = np.random.default_rng(seed)
     true = np.array(list(TRUE.values())) * np.exp(rng.uniform(-0.3, 0.3, len(TRUE)))
     guess = true * np.exp(rng.uniform(-off, off, len(TRUE)))
@@ -38,7 +39,8 @@ def slide(seed: int, *, off: float) -> tuple[FunctionModel, dict[str, Any]]:
         places.append(x[0])
         force = true[4] + 700.0 * (aim[k] - x[0]) - 30.0 * x[1]
         pressures.append(np.clip(force, -90.0, 120.0) / true[0])
-        x = step(x, pressures[-1:], DT, true)[0]
+        now = np.where(np.array(list(TRUE)) == "viscous", eased if k >= ROWS // 2 else 1.0, 1.0)
+        x = step(x, pressures[-1:], DT, true * now)[0]
     named = zip(TRUE, guess.tolist(), strict=True)
     model = FunctionModel(
         step, Layout.of(pressure="Pa"), Layout.of(place="m"), Layout.of(place="m", speed="m/s"),
@@ -48,19 +50,28 @@ def slide(seed: int, *, off: float) -> tuple[FunctionModel, dict[str, Any]]:
     return model, {"t": np.arange(ROWS) * DT, "pressure": np.array(pressures), "place": noisy}
 
 
+def ran(model: FunctionModel, data: dict[str, Any]) -> RunResult:
+    watch = spec.AnomalySpec(requirement=2e-3, relative=False, window=spec.Span(300))
+    short = spec.PredictionSpec(horizon=0.4)
+    about = TwinSpec(
+        "slide", spec.ModelSpec("python"), beat=spec.Span(100), prediction=short, anomaly=watch
+    )
+    return Twin(about, model).run(data)
+
+
 @first_of("seed", range(6))
 @pytest.mark.parametrize("off", [0.4, 0.0])
 def test_ratios_that_are_told_go_live(seed: int, off: float) -> None:
-    model, data = slide(seed, off=off)
-    watch = spec.AnomalySpec(requirement=2e-3, relative=False, window=spec.Span(300))
-    twin = Twin(
-        TwinSpec("slide", spec.ModelSpec("python"), beat=spec.Span(100),
-                 prediction=spec.PredictionSpec(horizon=0.4), anomaly=watch),
-        model,
-    )  # fmt: skip
-    result = twin.run(data)
+    result = ran(*slide(seed, off=off))
     promoted = result.of_kind("promoted")
     assert bool(promoted) == (off > 0.0), str(result)
     if promoted:
         assert "area" in promoted[-1].reason and "weak" in promoted[-1].reason
         assert result.headline.startswith("The twin fits its machine now"), str(result)
+
+
+@first_of("seed", range(20, 26))
+def test_of_five_numbers_the_one_that_changed_moves(seed: int) -> None:
+    result = ran(*slide(seed, off=0.0, eased=0.6))
+    tuned = [sorted(name for name in TRUE if name in e.reason) for e in result.of_kind("tuned")]
+    assert tuned and all(one == ["viscous"] for one in tuned), str(result)

@@ -16,6 +16,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from evertwin.gauges.gauge_rows import residual
+from evertwin.models.batch import is_native
 from evertwin.refit.companions import beside
 from evertwin.refit.physical import PASSIVE
 from evertwin.setup.evaluation import falls_short
@@ -27,8 +28,9 @@ from evertwin.tuning.posing.recordings import beginning
 from evertwin.types import Vector
 
 Tune: TypeAlias = Callable[[Problem], tuple[Problem, Fit, dict[str, Any]]]
-MANY = 4
-"""Numbers up to which each is tried alone: with more the answer comes late, a fit for each."""
+MANY, QUICK = 4, 6
+"""Numbers up to which each is tried alone: with more the answer comes late, a fit for each; of a
+model that runs as machine code."""
 EITHER = 2.0
 """So many times as far a number that may lie below zero moves: a bias is rarer than wear."""
 LITTLE = 0.05
@@ -46,10 +48,11 @@ def fewest(setup: Setup, problem: Problem, fit: Fit, tune: Tune) -> tuple[Proble
     """
     begins = beginning(problem.model, problem.names)
     names = tuple(name for name in problem.names if name not in begins)
-    if len(names) > MANY and fit.converged:
+    many = QUICK if is_native(problem.batch.kernel) else MANY
+    if len(names) > many and fit.converged:
         problem, fit = _of_what_changed(setup, problem, fit, tune)
         names = tuple(name for name in problem.names if name not in begins)
-    if not (1 < len(names) <= MANY and fit.converged):
+    if not (1 < len(names) <= many and fit.converged):
         return problem, fit
     used, start = problem.rows.used, residual(problem, problem.start)
     size = rms(start, 0.0)

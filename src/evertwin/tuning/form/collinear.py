@@ -67,7 +67,7 @@ class Alike(NamedTuple):
 def told_apart(problem: Problem, fit: Fit) -> Fit:
     """The fit with one of each group of collinear parameters. Of models with a state only where
     nothing is told otherwise, as where a force's and a mass's scale are all there is: what a
-    recording began with tells no scale; a correction takes the model's place by rules of its own."""
+    recording began with tells no scale; a correction takes its place by rules of its own."""
     if fit.names != problem.names or not fit.converged:
         return fit
     begins = beginning(problem.model, fit.names)
