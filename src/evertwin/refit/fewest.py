@@ -49,7 +49,7 @@ def fewest(setup: Setup, problem: Problem, fit: Fit, tune: Tune) -> tuple[Proble
     begins = beginning(problem.model, problem.names)
     names = tuple(name for name in problem.names if name not in begins)
     many = QUICK if is_native(problem.batch.kernel) else MANY
-    if len(names) > many and fit.converged:
+    if len(names) > MANY and fit.converged:
         problem, fit = _of_what_changed(setup, problem, fit, tune)
         names = tuple(name for name in problem.names if name not in begins)
     if not (1 < len(names) <= many and fit.converged):
