@@ -16,7 +16,6 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from evertwin.gauges.gauge_rows import residual
-from evertwin.models.batch import is_native
 from evertwin.refit.companions import beside
 from evertwin.refit.physical import PASSIVE
 from evertwin.setup.evaluation import falls_short
@@ -28,9 +27,8 @@ from evertwin.tuning.posing.recordings import beginning
 from evertwin.types import Vector
 
 Tune: TypeAlias = Callable[[Problem], tuple[Problem, Fit, dict[str, Any]]]
-MANY, QUICK = 4, 6
-"""Numbers up to which each is tried alone: with more the answer comes late, a fit for each; of a
-model that runs as machine code."""
+MANY = 4
+"""Numbers up to which each is tried alone: with more the answer comes late, a fit for each."""
 EITHER = 2.0
 """So many times as far a number that may lie below zero moves: a bias is rarer than wear."""
 LITTLE = 0.05
@@ -48,11 +46,10 @@ def fewest(setup: Setup, problem: Problem, fit: Fit, tune: Tune) -> tuple[Proble
     """
     begins = beginning(problem.model, problem.names)
     names = tuple(name for name in problem.names if name not in begins)
-    many = QUICK if is_native(problem.batch.kernel) else MANY
     if len(names) > MANY and fit.converged:
         problem, fit = _of_what_changed(setup, problem, fit, tune)
         names = tuple(name for name in problem.names if name not in begins)
-    if not (1 < len(names) <= many and fit.converged):
+    if not (1 < len(names) <= MANY and fit.converged):
         return problem, fit
     used, start = problem.rows.used, residual(problem, problem.start)
     size = rms(start, 0.0)
