@@ -39,6 +39,7 @@ from evertwin.tuning.intervals.fit import Fit
 from evertwin.tuning.intervals.identifiability import NULL, WEAK, grade
 from evertwin.tuning.linear.sensitivity import Spectrum
 from evertwin.tuning.posing.problem import Problem
+from evertwin.tuning.posing.recordings import beginning
 from evertwin.tuning.search.minima import lowest
 from evertwin.tuning.solver import solve
 
@@ -65,11 +66,13 @@ class Alike(NamedTuple):
 
 def told_apart(problem: Problem, fit: Fit) -> Fit:
     """The fit with one of each group of collinear parameters. Of models with a state only where
-    nothing is told otherwise, as where a force's and a mass's scale are all there is; a correction
-    takes the model's place by rules of its own."""
+    nothing is told otherwise, as where a force's and a mass's scale are all there is: what a
+    recording began with tells no scale; a correction takes its place by rules of its own."""
     if fit.names != problem.names or not fit.converged:
         return fit
-    told = set(fit.verdict) != {"not"} or isinstance(problem.model, Corrected)
+    begins = beginning(problem.model, fit.names)
+    words = {w for n, w in zip(fit.names, fit.verdict, strict=True) if n not in begins}
+    told = words != {"not"} or isinstance(problem.model, Corrected)
     if len(problem.model.states) and told:
         return fit
     whole, found, stays = problem, fit, dict[str, Alike]()
@@ -91,8 +94,8 @@ def _alike(problem: Problem, fit: Fit) -> list[Alike]:
     acting = problem.sensitivity(fit.values)
     if not acting.finite:
         return []
-    optional = problem.start == 0
-    order = np.lexsort((np.arange(len(fit.names)), optional))
+    begins = np.isin(fit.names, beginning(problem.model, fit.names))  # held, they bend the rest
+    order = np.lexsort((np.arange(len(fit.names)), problem.start == 0, ~begins))
     told = _parts(Spectrum.of(acting.information(fit.noise)), order)
     dynamic = len(problem.model.states) > 0
     word = "collinear: only" if dynamic else "collinear"
