@@ -7,9 +7,9 @@ import numpy as np
 from evertwin.anomaly.spec import AnomalySpec
 from evertwin.config.spec import ModelSpec, TwinSpec
 from evertwin.fold import Windows, make_block
-from evertwin.gauges.change import split
-from evertwin.gauges.gauge_rows import Rows
-from evertwin.gauges.offset import offset
+from evertwin.gauges.changes.change import split
+from evertwin.gauges.rows.gauge_rows import Rows
+from evertwin.gauges.shifts.offset import offset
 from evertwin.models import FunctionModel, Parameters
 from evertwin.models.translated import translated
 from evertwin.setup.setup import Setup

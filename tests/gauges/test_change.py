@@ -8,8 +8,8 @@ import pytest
 from evertwin import Twin, TwinSpec
 from evertwin.config.spec import AnomalySpec, ModelSpec, PredictionSpec, Span, TuningSpec
 from evertwin.fold import Block, make_block, take
-from evertwin.gauges.change import changed, likely, suddenly
-from evertwin.gauges.settled import settled
+from evertwin.gauges.changes.change import changed, likely, suddenly
+from evertwin.gauges.rows.settled import settled
 from evertwin.machines.mobile import Robot1D
 from evertwin.models.corrected import build
 from evertwin.models.form import Form, Term

@@ -9,8 +9,8 @@ import pytest
 
 from evertwin.config.spec import AnomalySpec, ModelSpec, Span, TwinSpec
 from evertwin.fold import Windows, make_block
-from evertwin.gauges.elsewhere import elsewhere
-from evertwin.gauges.gauge_rows import Rows
+from evertwin.gauges.changes.unseen_inputs import elsewhere
+from evertwin.gauges.rows.gauge_rows import Rows
 from evertwin.models import FunctionModel, Parameters
 from evertwin.models.translated import translated
 from evertwin.setup.setup import Setup

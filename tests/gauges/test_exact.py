@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from evertwin.fold import make_block
-from evertwin.gauges.misread import PIECES
-from evertwin.gauges.reading import Reading, readings
+from evertwin.gauges.rows.reading import Reading, readings
+from evertwin.gauges.units.misread import PIECES
 from evertwin.machines.mobile import Differential
 from evertwin.models import FunctionModel, Parameters
 from evertwin.signals import Layout

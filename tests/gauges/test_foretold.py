@@ -11,7 +11,7 @@ import pytest
 from evertwin import Twin
 from evertwin.anomaly.verdict import branch
 from evertwin.fold import make_block
-from evertwin.gauges.foretold import Past
+from evertwin.gauges.rows.foretold import Past
 from evertwin.models import FunctionModel, Parameters
 from evertwin.outcome import RunResult
 from evertwin.signals import Layout

@@ -7,8 +7,8 @@ import pytest
 
 from evertwin.config.spec import AnomalySpec, ModelSpec, TwinSpec
 from evertwin.fold import Block, make_block
-from evertwin.gauges.gauge_rows import Rows
-from evertwin.gauges.reading import possible
+from evertwin.gauges.rows.gauge_rows import Rows
+from evertwin.gauges.rows.reading import possible
 from evertwin.models import FunctionModel, Parameters
 from evertwin.setup.setup import Setup
 from evertwin.signals import Layout

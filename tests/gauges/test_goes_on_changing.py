@@ -10,7 +10,7 @@ import pytest
 from evertwin import FunctionModel, Layout, Parameters, RunResult, Twin, TwinSpec
 from evertwin.anomaly.spec import AnomalySpec
 from evertwin.config.spec import ModelSpec, PredictionSpec, Span
-from evertwin.gauges.course import evidence
+from evertwin.gauges.shifts.course import evidence
 from evertwin.models.translated import translated
 from evertwin.sync.spec import SignalSpec
 from evertwin.tuning.spec import TuningSpec

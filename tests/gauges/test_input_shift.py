@@ -10,8 +10,8 @@ from evertwin import FunctionModel, Layout, Parameters, RunResult, Twin, TwinSpe
 from evertwin.anomaly.spec import AnomalySpec
 from evertwin.config.spec import ModelSpec, PredictionSpec, Span
 from evertwin.errors import UsageError
-from evertwin.gauges.course import evidence
-from evertwin.gauges.in_words import difference, level
+from evertwin.gauges.rows.in_words import difference, level
+from evertwin.gauges.shifts.course import evidence
 from evertwin.machines.mobile import Robot1D
 from evertwin.models.translated import translated
 from evertwin.setup.setup import Setup

@@ -9,8 +9,8 @@ import pytest
 
 from evertwin import Twin
 from evertwin.fold import make_block
-from evertwin.gauges.gauge_rows import Rows
-from evertwin.gauges.kinematic import apart, contradicted
+from evertwin.gauges.rows.gauge_rows import Rows
+from evertwin.gauges.units.kinematic import apart, contradicted
 from evertwin.setup.setup import Setup
 from planted.twins import shipped
 from planted.worlds import record_live

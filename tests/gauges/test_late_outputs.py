@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from evertwin.fold import Block, make_block
-from evertwin.gauges.late_outputs import late_outputs
+from evertwin.gauges.delays.late_outputs import late_outputs
 from evertwin.machines.arm import Arm
 from evertwin.tuning import Problem, solve
 from planted.draws import first_of

@@ -9,7 +9,7 @@ import numpy as np
 from evertwin import Twin, TwinSpec
 from evertwin.anomaly.spec import AnomalySpec
 from evertwin.config.spec import ModelSpec, PredictionSpec, Span
-from evertwin.gauges.reading import Reading
+from evertwin.gauges.rows.reading import Reading
 from evertwin.models import Parameter, Parameters
 from evertwin.models.translated import Translated
 from evertwin.signals import Layout

@@ -9,7 +9,7 @@ import pytest
 
 from evertwin.config.spec import AnomalySpec, ModelSpec, ParameterSpec, PredictionSpec, TwinSpec
 from evertwin.fold.span import Span
-from evertwin.gauges.noise import noise, scatter
+from evertwin.gauges.changes.noise import noise, scatter
 from evertwin.models import FunctionModel, Parameters
 from evertwin.models.translated import translated
 from evertwin.outcome.result import RunResult

@@ -10,8 +10,8 @@ import pytest
 from evertwin import FunctionModel, Layout, Parameters, RunResult, Twin, TwinSpec
 from evertwin.anomaly.spec import AnomalySpec
 from evertwin.config.spec import ModelSpec, ParameterSpec, PredictionSpec, Span
-from evertwin.gauges.gauge_rows import Rows
-from evertwin.gauges.output_shift import Off, moves
+from evertwin.gauges.rows.gauge_rows import Rows
+from evertwin.gauges.shifts.output_shift import Off, moves
 from evertwin.models.translated import translated
 from evertwin.types import ParameterVector, Vector
 from planted.draws import first_of

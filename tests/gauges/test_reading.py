@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from evertwin.config.spec import ModelSpec, TwinSpec
-from evertwin.gauges.reading import Reading, possible
+from evertwin.gauges.rows.reading import Reading, possible
 from evertwin.models import FunctionModel, Parameters
 from evertwin.setup.setup import Setup
 from evertwin.signals import Layout

@@ -7,9 +7,9 @@ import pytest
 
 from evertwin import Twin
 from evertwin.fold import Block, make_block
-from evertwin.gauges.late_scans import late_scans, said_late
-from evertwin.gauges.misread import likeliest
-from evertwin.gauges.turned import Numbered, turned
+from evertwin.gauges.delays.late_scans import late_scans, said_late
+from evertwin.gauges.units.misread import likeliest
+from evertwin.gauges.units.turned import Numbered, turned
 from evertwin.setup.setup import Setup
 from planted.twins import shipped
 

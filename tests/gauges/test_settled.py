@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from evertwin.fold import make_block
-from evertwin.gauges.change import split
-from evertwin.gauges.settled import settled
+from evertwin.gauges.changes.change import split
+from evertwin.gauges.rows.settled import settled
 from evertwin.machines.drive import DriveForce
 from evertwin.machines.mobile import Robot1D
 from evertwin.models import FunctionModel, Parameter, Parameters

@@ -14,7 +14,7 @@ from evertwin.config.spec import AnomalySpec, ModelSpec, TwinSpec
 from evertwin.errors import TooFew
 from evertwin.fold import Windows, make_block
 from evertwin.gauges.gauge import silent
-from evertwin.gauges.gauge_rows import Rows
+from evertwin.gauges.rows.gauge_rows import Rows
 from evertwin.models import FunctionModel, Parameter, Parameters
 from evertwin.models.translated import translated
 from evertwin.setup.setup import Setup

@@ -10,7 +10,7 @@ import pytest
 from evertwin import FunctionModel, Layout, RunResult, Twin, TwinSpec
 from evertwin.anomaly.spec import AnomalySpec
 from evertwin.config.spec import ChannelSpec, ModelSpec, PredictionSpec, SourceSpec, Span
-from evertwin.gauges.exchanged import exchanged
+from evertwin.gauges.units.exchanged import exchanged
 from evertwin.models import Parameter, Parameters
 from evertwin.models.translated import translated
 from evertwin.sync.spec import ClockSpec, DeriveSpec, FilterSpec, MovingSpec

@@ -10,7 +10,7 @@ import numpy as np
 from evertwin.doctor.examination import View
 from evertwin.doctor.finding import Finding
 from evertwin.fold import Block, Event, Mark, take
-from evertwin.gauges.unlike import changes
+from evertwin.gauges.rows.unlike import changes
 from evertwin.signals import wrap
 from evertwin.signals.spoken import spoken
 from evertwin.sources.clocks.tally import Tally

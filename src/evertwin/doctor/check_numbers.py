@@ -11,7 +11,7 @@ from evertwin.doctor.examination import View
 from evertwin.doctor.finding import Finding
 from evertwin.errors import DataError, ModelError, UsageError
 from evertwin.fold import Block
-from evertwin.gauges.unlike import Changes, changes
+from evertwin.gauges.rows.unlike import Changes, changes
 from evertwin.refit.numbers.physical import physically
 from evertwin.refit.work import Work
 from evertwin.tuning import solve, told_apart

@@ -22,8 +22,8 @@ from evertwin.doctor.examination import View
 from evertwin.doctor.finding import Finding
 from evertwin.errors import DataError, ModelError, UsageError
 from evertwin.fold import Block
-from evertwin.gauges.noise import floor, noise
-from evertwin.gauges.unlike import changes
+from evertwin.gauges.changes.noise import floor, noise
+from evertwin.gauges.rows.unlike import changes
 from evertwin.ledger.versions import Versions
 from evertwin.models import Model
 from evertwin.models.configured import configured

@@ -26,13 +26,13 @@ from evertwin.doctor.examination import View
 from evertwin.doctor.factors import Factor, Hypothesis, scaled, suspects
 from evertwin.doctor.finding import Finding
 from evertwin.fold import Block, take
-from evertwin.gauges.clock_unit import stamped_in
-from evertwin.gauges.late_scans import late_scans, said_late
-from evertwin.gauges.misread import ANSWERED, likeliest
-from evertwin.gauges.scanned import pose_of, rule_of
-from evertwin.gauges.turned import WRONG as ASKEW
-from evertwin.gauges.turned import Numbered, angles_of, turned
-from evertwin.gauges.unlike import Changes
+from evertwin.gauges.delays.clock_unit import stamped_in
+from evertwin.gauges.delays.late_scans import late_scans, said_late
+from evertwin.gauges.rows.scanned import pose_of, rule_of
+from evertwin.gauges.rows.unlike import Changes
+from evertwin.gauges.units.misread import ANSWERED, likeliest
+from evertwin.gauges.units.turned import WRONG as ASKEW
+from evertwin.gauges.units.turned import Numbered, angles_of, turned
 from evertwin.models import roll
 from evertwin.models.function import kernel_of
 from evertwin.rows.channels import recorded_as, unit_recorded

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias
 
 from evertwin.fold import Block
-from evertwin.gauges.clock_unit import others, stretched
+from evertwin.gauges.delays.clock_unit import others, stretched
 from evertwin.signals import Layout
 from evertwin.signals.mistaken import SIGN, numbers
 from evertwin.types import Vector

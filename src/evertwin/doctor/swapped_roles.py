@@ -14,7 +14,7 @@ import numpy as np
 
 from evertwin.doctor.examination import Samples, View
 from evertwin.doctor.finding import Finding
-from evertwin.gauges.sensor_change import unmeasured
+from evertwin.gauges.rows.sensor_change import unmeasured
 from evertwin.rows.channels import averaged, is_held, measured_as
 from evertwin.signals.units import compatible
 from evertwin.types import Vector

@@ -4,7 +4,7 @@ Of a version that held, what changed may be the machine's numbers, and it may be
 another unit, its sign turned, off by a constant, or no longer answering. Each is a prediction of
 the same rows, so each is judged as the fit is, in what was recorded:
 
-* a *reading* (`evertwin.gauges.misread`) is undone from a row on. It has no number to fit; so it is
+* a *reading* (`evertwin.gauges.units.misread`) is undone from a row on. No number is fitted; it is
   told where it leaves next to nothing of the deviation, the rows are then as they were before, and
   tuning, with all its numbers, does no better. Where a machine often changes as much (a factor
   below two, an input), tuning has to do clearly worse;
@@ -25,15 +25,15 @@ import numpy as np
 
 from evertwin.errors import TooFew
 from evertwin.fold import Windows
-from evertwin.gauges.change import split
-from evertwin.gauges.gauge_rows import LEAST, Rows
-from evertwin.gauges.kinematic import contradicted
-from evertwin.gauges.misread import ALIKE, PIECES, misread
-from evertwin.gauges.offset import HELD, NEAR, offset
-from evertwin.gauges.reading import Reading, possible
-from evertwin.gauges.sensor_change import SensorChange, since_change, unmeasured
-from evertwin.gauges.silent import silent
-from evertwin.gauges.unit_change import unit_change
+from evertwin.gauges.changes.change import split
+from evertwin.gauges.frozen.silent import silent
+from evertwin.gauges.rows.gauge_rows import LEAST, Rows
+from evertwin.gauges.rows.reading import Reading, possible
+from evertwin.gauges.rows.sensor_change import SensorChange, since_change, unmeasured
+from evertwin.gauges.shifts.offset import HELD, NEAR, offset
+from evertwin.gauges.units.kinematic import contradicted
+from evertwin.gauges.units.misread import ALIKE, PIECES, misread
+from evertwin.gauges.units.unit_change import unit_change
 from evertwin.models import Model
 from evertwin.rows.ring import called
 from evertwin.setup.setup import Setup

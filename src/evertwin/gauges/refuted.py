@@ -11,13 +11,13 @@ from collections.abc import Callable
 import numpy as np
 
 from evertwin.fold import Windows
-from evertwin.gauges.change import split
-from evertwin.gauges.constant import STEP
-from evertwin.gauges.gauge_rows import FAR, LEAST, unchanged
-from evertwin.gauges.off_by import Column, left_with
-from evertwin.gauges.reading import possible
-from evertwin.gauges.sensor_change import unmeasured
-from evertwin.gauges.turned import Numbered, turned
+from evertwin.gauges.changes.change import split
+from evertwin.gauges.rows.gauge_rows import FAR, LEAST, unchanged
+from evertwin.gauges.rows.reading import possible
+from evertwin.gauges.rows.sensor_change import unmeasured
+from evertwin.gauges.shifts.constant import STEP
+from evertwin.gauges.shifts.off_by import Column, left_with
+from evertwin.gauges.units.turned import Numbered, turned
 from evertwin.setup.setup import Setup
 from evertwin.setup.task import Doubt
 from evertwin.signals.sizes import rms

@@ -9,8 +9,8 @@ import numpy as np
 from evertwin.anomaly import Contact, Rise
 from evertwin.anomaly.external import Own
 from evertwin.anomaly.external_loop import SQUARE
-from evertwin.gauges.sensor_change import SensorChange
-from evertwin.gauges.unit_change import of_sensor
+from evertwin.gauges.rows.sensor_change import SensorChange
+from evertwin.gauges.units.unit_change import of_sensor
 from evertwin.ledger.versions import Versions
 from evertwin.loop.contacts import in_words, kept_out, place_in_words, recurring, remembered
 from evertwin.loop.decision import Decision

@@ -15,7 +15,7 @@ import numpy as np
 
 from evertwin.engine import Engine, InProcess
 from evertwin.fold import Answer, Block, Event, Record, copy, take
-from evertwin.gauges.withdrawn import withdraw
+from evertwin.gauges.rows.withdrawn import withdraw
 from evertwin.ledger.versions import Versions
 from evertwin.loop.crossing import crossed
 from evertwin.loop.decide import Decide

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from evertwin.fold import Block, Event, Mark, Record, copy
-from evertwin.gauges.withdrawn import believed, divided
+from evertwin.gauges.rows.withdrawn import believed, divided
 from evertwin.ledger.versions import Versions
 from evertwin.loop.contacts import unsure, watched
 from evertwin.loop.contradictions import compared

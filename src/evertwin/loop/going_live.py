@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from evertwin.fold import Block, copy
-from evertwin.gauges.sensor_change import unmeasured
+from evertwin.gauges.rows.sensor_change import unmeasured
 from evertwin.loop.decision import Decision
 from evertwin.loop.follow import EMPTY, Follow
 from evertwin.loop.former import former, tell_alternates, with_live

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from evertwin.gauges.sensor_change import unmeasured
+from evertwin.gauges.rows.sensor_change import unmeasured
 from evertwin.ledger.caveats import SAME, SENSOR, caveats_of, in_doubt_of
 from evertwin.loop.decision import Decision
 from evertwin.loop.follow import EMPTY, Follow

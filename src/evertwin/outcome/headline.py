@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from evertwin.fold import Event
-from evertwin.gauges.elsewhere import OUTSIDE
+from evertwin.gauges.changes.unseen_inputs import OUTSIDE
 from evertwin.models.failures import Failed
 from evertwin.models.form import Version
 from evertwin.outcome.changes import changes

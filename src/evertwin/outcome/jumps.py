@@ -35,7 +35,7 @@ from typing import Any
 import numpy as np
 
 from evertwin.fold import Event, Mark
-from evertwin.gauges.withdrawn import CAUSES
+from evertwin.gauges.rows.withdrawn import CAUSES
 from evertwin.models import Model
 from evertwin.signals.spoken import spoken
 from evertwin.types import ParameterVector, PerOutput

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from evertwin.fold import Windows
-from evertwin.gauges.sensor_change import SensorChange
+from evertwin.gauges.rows.sensor_change import SensorChange
 from evertwin.ledger.caveats import in_doubt_of
 from evertwin.rows.ring import called
 from evertwin.tuning import Fit, Problem

@@ -19,12 +19,12 @@ from evertwin.anomaly.verdict import Verdict, explained
 from evertwin.config.spec import TwinSpec
 from evertwin.errors import DataError, ModelError, TooFew, TooNew, UsageError
 from evertwin.fold import Windows, plain
-from evertwin.gauges.change import suddenly
+from evertwin.gauges.changes.change import suddenly
+from evertwin.gauges.frozen.silent import silent
+from evertwin.gauges.frozen.stuck import stuck
 from evertwin.gauges.gauge import at_once
-from evertwin.gauges.misread import misread
 from evertwin.gauges.refuted import refuted
-from evertwin.gauges.silent import silent
-from evertwin.gauges.stuck import stuck
+from evertwin.gauges.units.misread import misread
 from evertwin.ledger.versions import Versions
 from evertwin.machines.friction.resisting import not_physical
 from evertwin.models.form import Version

@@ -14,7 +14,7 @@ import numpy as np
 from evertwin.correction.slides import slid_numbers, slides
 from evertwin.errors import TooFew
 from evertwin.fold import Windows
-from evertwin.gauges.change import PART, split
+from evertwin.gauges.changes.change import PART, split
 from evertwin.models.form import Version
 from evertwin.refit.answer_events import event
 from evertwin.refit.tuner.candidates import Candidates

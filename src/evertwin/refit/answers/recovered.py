@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from evertwin.fold import Windows
-from evertwin.gauges.change import split, swings_alike
-from evertwin.gauges.gauge_rows import unchanged
-from evertwin.gauges.sensor_change import unmeasured
+from evertwin.gauges.changes.change import split, swings_alike
+from evertwin.gauges.rows.gauge_rows import unchanged
+from evertwin.gauges.rows.sensor_change import unmeasured
 from evertwin.models.form import Version
 from evertwin.refit.answer_events import event
 from evertwin.refit.rows.newest import after

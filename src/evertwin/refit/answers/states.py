@@ -19,7 +19,7 @@ import numpy as np
 
 from evertwin.anomaly.verdict import Rule
 from evertwin.fold import Mark, Windows
-from evertwin.gauges.change import split
+from evertwin.gauges.changes.change import split
 from evertwin.models.form import Version
 from evertwin.refit.numbers.physical import PASSIVE
 from evertwin.refit.rows.state_rows import while_there

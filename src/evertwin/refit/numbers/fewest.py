@@ -15,7 +15,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from evertwin.gauges.gauge_rows import residual
+from evertwin.gauges.rows.gauge_rows import residual
 from evertwin.refit.numbers.companions import beside
 from evertwin.refit.numbers.physical import PASSIVE
 from evertwin.setup.evaluation import falls_short

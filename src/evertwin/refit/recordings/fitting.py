@@ -18,8 +18,8 @@ from evertwin.anomaly.verdict import branch
 from evertwin.engine import Engine
 from evertwin.errors import TooFew
 from evertwin.fold import Block, Mark, Windows
-from evertwin.gauges.read_otherwise import read_otherwise
-from evertwin.gauges.turned import Numbered
+from evertwin.gauges.units.read_otherwise import read_otherwise
+from evertwin.gauges.units.turned import Numbered
 from evertwin.ledger.versions import Versions
 from evertwin.models import Model
 from evertwin.models.failures import Failed

@@ -15,7 +15,7 @@ import numpy as np
 
 from evertwin.errors import DataError, ModelError
 from evertwin.fold import Windows, take
-from evertwin.gauges.change import split, swings_alike
+from evertwin.gauges.changes.change import split, swings_alike
 from evertwin.refit.numbers.fewest import Tune
 from evertwin.tuning import Fit, Problem
 from evertwin.tuning.posing.recordings import beginning

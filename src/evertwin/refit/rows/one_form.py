@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from evertwin.fold import Windows
-from evertwin.gauges.change import PART
+from evertwin.gauges.changes.change import PART
 from evertwin.ledger.versions import Versions
 from evertwin.models import Model
 from evertwin.models.form import Version

@@ -12,7 +12,7 @@ import numpy as np
 
 from evertwin.correction.sarsa_settings import SarsaSettings
 from evertwin.fold import Block, Windows, take
-from evertwin.gauges.change import split
+from evertwin.gauges.changes.change import split
 from evertwin.sync.horizon import nanoseconds
 
 PREDICTIONS = 20

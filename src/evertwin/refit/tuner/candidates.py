@@ -10,7 +10,7 @@ import numpy as np
 
 from evertwin.anomaly.verdict import explained
 from evertwin.fold import Windows
-from evertwin.gauges.settled import clearly_worse
+from evertwin.gauges.rows.settled import clearly_worse
 from evertwin.models.form import Form, Version
 from evertwin.refit.answer_events import event
 from evertwin.refit.numbers.recursive_fit import Recursion

@@ -9,22 +9,22 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from evertwin.errors import DataError, ModelError
-from evertwin.gauges import in_words
-from evertwin.gauges.change import suddenly
-from evertwin.gauges.clock_unit import of_the_clock
-from evertwin.gauges.elsewhere import elsewhere
+from evertwin.gauges.changes.change import suddenly
+from evertwin.gauges.changes.unseen_inputs import elsewhere
+from evertwin.gauges.delays.clock_unit import of_the_clock
+from evertwin.gauges.delays.late_outputs import late_outputs
+from evertwin.gauges.delays.late_scans import late_scans, said_late
+from evertwin.gauges.frozen.stuck import stuck
 from evertwin.gauges.gauge import misgauged, reread
-from evertwin.gauges.input_alike import alike_inputs
-from evertwin.gauges.kinematic import apart
-from evertwin.gauges.late_outputs import late_outputs
-from evertwin.gauges.late_scans import late_scans, said_late
-from evertwin.gauges.misread import misread
-from evertwin.gauges.off_in_all import in_all
-from evertwin.gauges.offset import leapt
-from evertwin.gauges.output_shift import shifted_output
-from evertwin.gauges.sensor_change import SensorChange
-from evertwin.gauges.stuck import stuck
-from evertwin.gauges.turned import of_an_angle
+from evertwin.gauges.rows import in_words
+from evertwin.gauges.rows.sensor_change import SensorChange
+from evertwin.gauges.shifts.input_alike import alike_inputs
+from evertwin.gauges.shifts.off_in_all import in_all
+from evertwin.gauges.shifts.offset import leapt
+from evertwin.gauges.shifts.output_shift import shifted_output
+from evertwin.gauges.units.kinematic import apart
+from evertwin.gauges.units.misread import misread
+from evertwin.gauges.units.turned import of_an_angle
 from evertwin.ledger.caveats import SAME, SENSOR, caveats_of
 from evertwin.refit.answer_events import event
 from evertwin.refit.tuner.tuner import ENOUGH, Tuner

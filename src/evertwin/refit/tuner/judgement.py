@@ -11,9 +11,9 @@ import numpy as np
 
 from evertwin.anomaly.verdict import Verdict, branch, explained
 from evertwin.correction.improve import Selection
-from evertwin.gauges.change import likely, split
-from evertwin.gauges.gauge_rows import unchanged
-from evertwin.gauges.noise import buried
+from evertwin.gauges.changes.change import likely, split
+from evertwin.gauges.changes.noise import buried
+from evertwin.gauges.rows.gauge_rows import unchanged
 from evertwin.setup.evaluation import falls_short, rms_asked
 from evertwin.setup.setup import Setup
 from evertwin.setup.task import Task

@@ -11,9 +11,9 @@ import numpy as np
 from evertwin.anomaly.verdict import Verdict
 from evertwin.errors import DataError, ModelError, TooNew
 from evertwin.fold import Windows
-from evertwin.gauges.change import changed, split
-from evertwin.gauges.gauge_rows import Rows
-from evertwin.gauges.settled import settled
+from evertwin.gauges.changes.change import changed, split
+from evertwin.gauges.rows.gauge_rows import Rows
+from evertwin.gauges.rows.settled import settled
 from evertwin.ledger.versions import Versions
 from evertwin.models import Model
 from evertwin.models.batch import is_native

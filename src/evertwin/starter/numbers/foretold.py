@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evertwin.gauges.noise import rounding
+from evertwin.gauges.changes.noise import rounding
 from evertwin.starter.looks.seen import Seen
 from evertwin.starter.looks.words import same_kind
 from evertwin.starter.proposal import ASK, Match

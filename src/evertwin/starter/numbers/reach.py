@@ -11,8 +11,8 @@ from evertwin.config.spec import TwinSpec
 from evertwin.errors import DataError, ModelError
 from evertwin.fold import Block
 from evertwin.fold.block import first
-from evertwin.gauges.noise import noise
-from evertwin.gauges.unlike import changes
+from evertwin.gauges.changes.noise import noise
+from evertwin.gauges.rows.unlike import changes
 from evertwin.models import Model
 from evertwin.rows.feed import Feed
 from evertwin.setup.configured_model import model_of

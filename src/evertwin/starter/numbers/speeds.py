@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from evertwin.gauges.sensor_change import unmeasured
+from evertwin.gauges.rows.sensor_change import unmeasured
 from evertwin.signals.at_rest import stands
 from evertwin.signals.units import conversion
 from evertwin.starter.looks.seen import Seen

@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from evertwin.gauges import in_words
-from evertwin.gauges.gauge_rows import Rows
-from evertwin.gauges.off_by import learned
+from evertwin.gauges.rows import in_words
+from evertwin.gauges.rows.gauge_rows import Rows
+from evertwin.gauges.shifts.off_by import learned
 from evertwin.ledger.caveats import caveats_of, instead
 
 

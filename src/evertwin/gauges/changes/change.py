@@ -18,9 +18,9 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from evertwin.fold import Block, Windows, take
-from evertwin.gauges.gauge_rows import residual, unchanged
-from evertwin.gauges.sensor_change import unmeasured
-from evertwin.gauges.settled import settled
+from evertwin.gauges.rows.gauge_rows import residual, unchanged
+from evertwin.gauges.rows.sensor_change import unmeasured
+from evertwin.gauges.rows.settled import settled
 from evertwin.tuning import Fit, Problem
 from evertwin.tuning.posing.recordings import beginning
 from evertwin.types import Inputs, Outputs, PerOutput, Vector

@@ -20,10 +20,10 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.fold import Block, Windows
-from evertwin.gauges.misread import ROWS, newest_rows, seen
-from evertwin.gauges.scanned import pose_of
-from evertwin.gauges.sensor_change import unmeasured
-from evertwin.gauges.unlike import Changes
+from evertwin.gauges.rows.scanned import pose_of
+from evertwin.gauges.rows.sensor_change import unmeasured
+from evertwin.gauges.rows.unlike import Changes
+from evertwin.gauges.units.misread import ROWS, newest_rows, seen
 from evertwin.models import Model
 from evertwin.rows.channels import recorded_as
 from evertwin.setup.setup import Setup

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from evertwin.gauges.gauge_rows import LEAST
+from evertwin.gauges.rows.gauge_rows import LEAST
 from evertwin.types import Float64, Vector
 
 CLEAR = 3.0

@@ -15,9 +15,9 @@ import numpy as np
 
 from evertwin.errors import TooFew
 from evertwin.fold import Block, Mark, Windows, take
-from evertwin.gauges.reading import Reading, possible
-from evertwin.gauges.sensor_change import LEAST, SensorChange, since_change, unmeasured
-from evertwin.gauges.unlike import Changes, changes
+from evertwin.gauges.rows.reading import Reading, possible
+from evertwin.gauges.rows.sensor_change import LEAST, SensorChange, since_change, unmeasured
+from evertwin.gauges.rows.unlike import Changes, changes
 from evertwin.models import Model
 from evertwin.rows.ring import called
 from evertwin.setup.setup import Setup

@@ -6,9 +6,9 @@ import numpy as np
 
 from evertwin.anomaly.kinematics import FEWEST, STRETCH
 from evertwin.fold import Windows
-from evertwin.gauges.change import split
-from evertwin.gauges.gauge_rows import Rows
-from evertwin.gauges.sensor_change import SensorChange
+from evertwin.gauges.changes.change import split
+from evertwin.gauges.rows.gauge_rows import Rows
+from evertwin.gauges.rows.sensor_change import SensorChange
 from evertwin.rows.ring import called
 from evertwin.setup.setup import Setup
 from evertwin.types import Vector

@@ -14,9 +14,9 @@ from itertools import pairwise
 import numpy as np
 
 from evertwin.errors import TooFew
-from evertwin.gauges.gauge_rows import Rows
-from evertwin.gauges.off_by import left_with
-from evertwin.gauges.sensor_change import SensorChange, unmeasured
+from evertwin.gauges.rows.gauge_rows import Rows
+from evertwin.gauges.rows.sensor_change import SensorChange, unmeasured
+from evertwin.gauges.shifts.off_by import left_with
 from evertwin.models.kernel import CONTINUE
 from evertwin.rows.ring import called
 from evertwin.rows.stayed import longest

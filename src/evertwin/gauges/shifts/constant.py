@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evertwin.gauges import off_by
-from evertwin.gauges.gauge_rows import Rows, residual
-from evertwin.gauges.off_by import Column, recorded, undone
+from evertwin.gauges.rows.gauge_rows import Rows, residual
+from evertwin.gauges.shifts import off_by
+from evertwin.gauges.shifts.off_by import Column, recorded, undone
 from evertwin.types import Bools, Outputs, Vector
 
 BLOCKS = 12

@@ -18,9 +18,9 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.fold import Block
-from evertwin.gauges.change import likely, split
-from evertwin.gauges.foretold import Past, clipped
-from evertwin.gauges.unlike import changes
+from evertwin.gauges.changes.change import likely, split
+from evertwin.gauges.rows.foretold import Past, clipped
+from evertwin.gauges.rows.unlike import changes
 from evertwin.models import Model
 from evertwin.models.kernel import CONTINUE
 from evertwin.rows.alignment import apart

@@ -15,8 +15,8 @@ import numpy as np
 
 from evertwin.errors import TooFew
 from evertwin.fold import Windows
-from evertwin.gauges.kinematic import contradicted
-from evertwin.gauges.sensor_change import LEAST, SensorChange, since_change, unmeasured
+from evertwin.gauges.rows.sensor_change import LEAST, SensorChange, since_change, unmeasured
+from evertwin.gauges.units.kinematic import contradicted
 from evertwin.models import Model
 from evertwin.models.batch import mapped
 from evertwin.rows.channels import measured

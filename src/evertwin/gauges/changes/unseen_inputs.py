@@ -13,9 +13,9 @@ from typing import TypeAlias
 
 import numpy as np
 
-from evertwin.gauges import in_words
-from evertwin.gauges.gauge_rows import LEAST, Rows
-from evertwin.gauges.sensor_change import SensorChange, unmeasured
+from evertwin.gauges.rows import in_words
+from evertwin.gauges.rows.gauge_rows import LEAST, Rows
+from evertwin.gauges.rows.sensor_change import SensorChange, unmeasured
 from evertwin.rows.ring import called
 from evertwin.types import Bool, Bools, Float64, Inputs, Vector
 

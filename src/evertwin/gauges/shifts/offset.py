@@ -19,15 +19,15 @@ import numpy as np
 
 from evertwin.errors import TooFew
 from evertwin.fold import Mark
-from evertwin.gauges import in_words
-from evertwin.gauges.change import split
-from evertwin.gauges.constant import BLOCKS, SIDES, Constant, beside, left_with
-from evertwin.gauges.elsewhere import elsewhere
-from evertwin.gauges.gauge_rows import LEAST, Rows, residual, unchanged
-from evertwin.gauges.input_shift import of_inputs, shifted_inputs
-from evertwin.gauges.off_by import Column
-from evertwin.gauges.sensor_change import SensorChange, unmeasured
-from evertwin.gauges.unlike import changes
+from evertwin.gauges.changes.change import split
+from evertwin.gauges.changes.unseen_inputs import elsewhere
+from evertwin.gauges.rows import in_words
+from evertwin.gauges.rows.gauge_rows import LEAST, Rows, residual, unchanged
+from evertwin.gauges.rows.sensor_change import SensorChange, unmeasured
+from evertwin.gauges.rows.unlike import changes
+from evertwin.gauges.shifts.constant import BLOCKS, SIDES, Constant, beside, left_with
+from evertwin.gauges.shifts.input_shift import of_inputs, shifted_inputs
+from evertwin.gauges.shifts.off_by import Column
 from evertwin.rows.ring import called
 from evertwin.signals import Channel, wrap
 from evertwin.types import Bools, Outputs, ParameterVector, Vector

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from evertwin.fold import Windows
-from evertwin.gauges.misread import likeliest, seen, total
-from evertwin.gauges.sensor_change import unmeasured
-from evertwin.gauges.turned import Numbered, liveliest, turned
+from evertwin.gauges.rows.sensor_change import unmeasured
+from evertwin.gauges.units.misread import likeliest, seen, total
+from evertwin.gauges.units.turned import Numbered, liveliest, turned
 from evertwin.setup.setup import Setup
 
 CLEARLY = 2.0

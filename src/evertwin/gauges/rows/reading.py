@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.fold import Block
-from evertwin.gauges import scanned
+from evertwin.gauges.rows import scanned
 from evertwin.models import Model
 from evertwin.rows.channels import averaged, measured_as, unit_told
 from evertwin.setup.setup import Setup

@@ -13,7 +13,7 @@ from typing import TypeAlias
 import numpy as np
 
 from evertwin.fold import Block, Windows
-from evertwin.gauges.gauge_rows import Rows, unchanged, zero_of
+from evertwin.gauges.rows.gauge_rows import Rows, unchanged, zero_of
 from evertwin.setup.setup import Setup
 from evertwin.tuning import Problem
 from evertwin.types import Float64, Outputs, Vector

@@ -21,10 +21,10 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.fold import Block, Windows, take
-from evertwin.gauges.misread import ROWS, newest_rows, seen, total
-from evertwin.gauges.reading import Reading
-from evertwin.gauges.scanned import rule_of, turned_by
-from evertwin.gauges.sensor_change import SensorChange, unmeasured
+from evertwin.gauges.rows.reading import Reading
+from evertwin.gauges.rows.scanned import rule_of, turned_by
+from evertwin.gauges.rows.sensor_change import SensorChange, unmeasured
+from evertwin.gauges.units.misread import ROWS, newest_rows, seen, total
 from evertwin.models import Model
 from evertwin.rows.channels import unit_recorded
 from evertwin.setup.setup import Setup

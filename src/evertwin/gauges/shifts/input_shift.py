@@ -20,13 +20,13 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.errors import TooFew
-from evertwin.gauges import in_words
-from evertwin.gauges.change import split
-from evertwin.gauges.course import AT_ONCE, CLEAR, evidence, shape_of
-from evertwin.gauges.gauge_rows import LEAST, Rows
-from evertwin.gauges.noise import CHANCE
-from evertwin.gauges.off_by import left_with, undone
-from evertwin.gauges.sensor_change import SensorChange, unmeasured
+from evertwin.gauges.changes.change import split
+from evertwin.gauges.changes.noise import CHANCE
+from evertwin.gauges.rows import in_words
+from evertwin.gauges.rows.gauge_rows import LEAST, Rows
+from evertwin.gauges.rows.sensor_change import SensorChange, unmeasured
+from evertwin.gauges.shifts.course import AT_ONCE, CLEAR, evidence, shape_of
+from evertwin.gauges.shifts.off_by import left_with, undone
 from evertwin.models.kernel import CONTINUE
 from evertwin.rows.channels import is_held, measured
 from evertwin.rows.ring import called

@@ -10,8 +10,8 @@ import numpy as np
 
 from evertwin.errors import DataError, ModelError
 from evertwin.fold import Block, Windows, take
-from evertwin.gauges.reading import Reading
-from evertwin.gauges.sensor_change import Refused, unmeasured
+from evertwin.gauges.rows.reading import Reading
+from evertwin.gauges.rows.sensor_change import Refused, unmeasured
 from evertwin.models.kernel import CONTINUE
 from evertwin.rows.channels import unit_told
 from evertwin.rows.ring import called

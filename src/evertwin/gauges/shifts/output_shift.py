@@ -20,11 +20,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evertwin.gauges import in_words
-from evertwin.gauges.change import split
-from evertwin.gauges.gauge_rows import LEAST, Rows, residual
-from evertwin.gauges.off_by import Column, learned, recorded, undone
-from evertwin.gauges.sensor_change import SensorChange, unmeasured
+from evertwin.gauges.changes.change import split
+from evertwin.gauges.rows import in_words
+from evertwin.gauges.rows.gauge_rows import LEAST, Rows, residual
+from evertwin.gauges.rows.sensor_change import SensorChange, unmeasured
+from evertwin.gauges.shifts.off_by import Column, learned, recorded, undone
 from evertwin.ledger.caveats import SAME, SENSOR
 from evertwin.models.kernel import CONTINUE
 from evertwin.rows.ring import called

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evertwin.gauges.sensor_change import SensorChange, since_change, unmeasured
+from evertwin.gauges.rows.sensor_change import SensorChange, since_change, unmeasured
 from evertwin.tuning import Fit, Problem
 from evertwin.types import Int64, Outputs
 

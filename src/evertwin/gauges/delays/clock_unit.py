@@ -14,9 +14,9 @@ import numpy as np
 
 from evertwin.config import TwinSpec
 from evertwin.fold import Block, Windows
-from evertwin.gauges.misread import ANSWERED, LEFT, ROWS, WRONG, newest_rows
-from evertwin.gauges.sensor_change import SensorChange
-from evertwin.gauges.unlike import Changes, changes
+from evertwin.gauges.rows.sensor_change import SensorChange
+from evertwin.gauges.rows.unlike import Changes, changes
+from evertwin.gauges.units.misread import ANSWERED, LEFT, ROWS, WRONG, newest_rows
 from evertwin.models import Model
 from evertwin.setup.setup import Setup
 from evertwin.sources.clocks.stamps import LONG, UNITS, seconds_of

@@ -12,10 +12,10 @@ import math
 
 import numpy as np
 
-from evertwin.gauges import in_words
-from evertwin.gauges.gauge_rows import LEAST, Rows, unchanged
-from evertwin.gauges.off_by import left_with
-from evertwin.gauges.sensor_change import since_change, unmeasured
+from evertwin.gauges.rows import in_words
+from evertwin.gauges.rows.gauge_rows import LEAST, Rows, unchanged
+from evertwin.gauges.rows.sensor_change import since_change, unmeasured
+from evertwin.gauges.shifts.off_by import left_with
 from evertwin.ledger.caveats import MORE, SAME
 from evertwin.rows.channels import measured
 from evertwin.signals.spoken import MANY, share

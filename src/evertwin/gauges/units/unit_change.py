@@ -13,10 +13,10 @@ import numpy as np
 
 from evertwin.errors import TooFew
 from evertwin.fold import Windows
-from evertwin.gauges import in_words
-from evertwin.gauges.exchanged import exchanged
-from evertwin.gauges.rescaled import rescaled
-from evertwin.gauges.sensor_change import SensorChange, since_change
+from evertwin.gauges.rows import in_words
+from evertwin.gauges.rows.sensor_change import SensorChange, since_change
+from evertwin.gauges.units.exchanged import exchanged
+from evertwin.gauges.units.rescaled import rescaled
 from evertwin.models import Model
 from evertwin.rows.channels import size_recorded, unit_recorded
 from evertwin.setup.evaluation import predict

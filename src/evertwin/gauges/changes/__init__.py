@@ -1,0 +1,1 @@
+"""Since when a machine is another one, inputs as never before, and how a measurement scatters."""

@@ -1,0 +1,1 @@
+"""Channels that come late, and stamps in another unit of time."""

@@ -1,0 +1,1 @@
+"""A channel that stays where it is."""

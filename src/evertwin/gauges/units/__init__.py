@@ -1,0 +1,1 @@
+"""A channel in another unit, of another sign, counted from elsewhere, or in another's column."""
