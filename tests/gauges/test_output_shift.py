@@ -9,7 +9,7 @@ import pytest
 
 from evertwin import FunctionModel, Layout, Parameters, RunResult, Twin, TwinSpec
 from evertwin.anomaly.spec import AnomalySpec
-from evertwin.config.spec import ModelSpec, ParameterSpec, PredictionSpec, Span
+from evertwin.config.spec import ArbiterSpec, ModelSpec, ParameterSpec, PredictionSpec, Span
 from evertwin.gauges.rows.gauge_rows import Rows
 from evertwin.gauges.shifts.output_shift import Off, moves
 from evertwin.models.translated import translated
@@ -64,6 +64,54 @@ def test_a_meter_that_reads_otherwise_than_the_level_goes_is_named(reads: float,
 def test_a_pump_that_changed_is_tuned(pumps: float) -> None:
     result = basin(1, pumps=pumps)
     assert result.of_kind("promoted")
+    assert not [e for e in result.of_kind("abnormal") if "number" in e.evidence]
+
+
+def swung(x: Vector, u: Vector, dt: float, p: ParameterVector) -> Step:
+    at, speed = x[0], x[1]
+    for _ in range(4):
+        speed += dt / 4 * (u[0] - p[1] * speed - p[2] * at - p[3] * at**3) / p[0]
+        at += dt / 4 * speed
+    return [at, speed], [at]
+
+
+def resonator(seed: int, reads: float = 1.0, stiff: float = 1.0) -> RunResult:
+    """A mass on a hardening spring; from AT on its only sensor ``reads``, or the spring is
+    ``stiff``, so many times as much."""
+    rng, x, dt = np.random.default_rng(seed), [0.0, 0.0], 0.005
+    true = np.array([1.5, 30.0, 3000.0, 3e7])
+    force = np.convolve(rng.normal(0.0, 40.0, ROWS), np.full(4, 0.25), "same")
+    at = np.empty(ROWS)
+    for k in range(ROWS):
+        at[k] = x[0] * (reads if k >= AT else 1.0)
+        x, _ = swung(x, force[k : k + 1], dt, true * [1, 1, stiff if k >= AT else 1.0, 1])
+    at += rng.normal(0.0, 2e-5, ROWS)
+    model = FunctionModel(
+        swung, Layout.of(force="N"), Layout.of(at="m"), Layout.of(at="m", speed="m/s"),
+        Parameters.of(m=(1.5, "kg"), c=(30.0, "N*s/m"), k=(3e3, "N/m"), k3=(3e7, "N/m^3")),
+    )  # fmt: skip
+    spec = TwinSpec(
+        "resonator", ModelSpec("python"), beat=Span(100), prediction=PredictionSpec(0.2),
+        arbiter=ArbiterSpec(use="blend"),
+        anomaly=AnomalySpec(requirement=8e-4, relative=False, window=Span(200)),
+    )  # fmt: skip
+    with Twin(spec, translated(model)) as twin:
+        return twin.run({"t": dt * np.arange(ROWS), "force": force, "at": at})
+
+
+@first_of("seed", range(8))
+def test_a_swing_that_is_read_larger_is_said_to_look_like_all_its_numbers(seed: int) -> None:
+    result = resonator(seed, reads=1.25)
+    told = [
+        e.reason for e in result.events if "at looks off" in e.reason or "sensor of at" in e.reason
+    ]
+    assert told and not any("sensor of at" not in e.reason for e in result.of_kind("promoted"))
+
+
+@first_of("seed", range(8))
+def test_a_spring_that_changed_is_no_sensor(seed: int) -> None:
+    result = resonator(seed, stiff=1.3)
+    assert result.of_kind("tuned") and not any("sensor of at" in e.reason for e in result.events)
     assert not [e for e in result.of_kind("abnormal") if "number" in e.evidence]
 
 

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from evertwin.fold import make_block
+from evertwin.models import FunctionModel, Parameters
+from evertwin.signals import Layout
 from evertwin.tuning import Problem, advise, gate, solve
 from evertwin.tuning.linear.sensitivity import Sensitivity
 
@@ -100,5 +102,20 @@ def test_nothing_is_ever_claimed_of_what_is_not_there(friction: Any) -> None:
 
 
 def test_advice_is_empty_where_nothing_is_missing_or_nothing_helps(friction: Any) -> None:
-    assert advise(friction["one"], ("Fc", "Bm"), np.linspace(-1, 1, 50)[:, None]) == ()
-    assert advise(friction["two"], ("Fc", "offset", "Fm"), np.linspace(-1, 1, 50)[:, None]) == ()
+    rows = np.linspace(-1, 1, 50)[:, None], np.ones(50)
+    assert advise(friction["one"], ("Fc", "Bm"), *rows) == ()
+    assert advise(friction["two"], ("Fc", "offset", "Fm"), *rows) == ()
+
+
+def test_advice_is_of_the_time_that_rows_take_and_none_where_the_model_runs_away() -> None:
+    """A fast store that nothing enters: at its own rate an input that changes tells its numbers; at
+    a twentieth of it the model leaves all numbers, which says nothing."""
+    tank = FunctionModel(
+        lambda x, u, dt, p: ([x[0] + dt * (p[0] * u[0] - p[1] * x[0])], [x[0]]),
+        Layout.of(u="1"), Layout.of(y="1"), Layout.of(y="1"),
+        Parameters.of(gain=(80.0, "1/s"), leak=(100.0, "1/s")),
+    )  # fmt: skip
+    u = np.zeros((500, 1))
+    assert advise(tank, ("gain", "leak"), u, np.full(500, 0.05)) == ()
+    (said,) = advise(tank, ("gain", "leak"), u, np.full(500, 0.002))
+    assert "a changing u" in said

@@ -35,7 +35,7 @@ from evertwin.sources.columns.names import listed
 from evertwin.tuning import Fit, Problem, solve
 from evertwin.tuning.intervals.advice import advise
 from evertwin.tuning.intervals.identifiability import connected
-from evertwin.types import Vector
+from evertwin.types import Inputs, Vector
 
 LITTLE = 0.1
 """Share of the command that must be missed before a table has something to learn."""
@@ -176,7 +176,7 @@ def look_tuning(view: View, figures: dict[str, Any]) -> Iterator[Finding]:
     """Which editable parameters these rows determine, and what would determine the others."""
     work = Work(view.setup, view.versions)
     windows = view.some(view.judged)
-    u = np.concatenate([window.u for window in windows])
+    u, dt = (np.concatenate([getattr(one, name) for one in windows]) for name in ("u", "dt"))
     model, tuned = _live(view), work.editable(view.version)
     causes = (name for names in view.setup.causes.values() for name in names)
     silent = {}
@@ -201,7 +201,7 @@ def look_tuning(view: View, figures: dict[str, Any]) -> Iterator[Finding]:
         return
     figures["parameters"] = fit.to_dict(timing=False)["parameters"]
     figures["condition"] = fit.condition
-    yield from _undetermined(view, fit, u)
+    yield from _undetermined(view, fit, u, dt)
     yield from _shared(view, fit)
 
 
@@ -251,7 +251,7 @@ def _shared(view: View, fit: Fit) -> Iterator[Finding]:
             )  # fmt: skip
 
 
-def _undetermined(view: View, fit: Fit, u: np.ndarray) -> Iterator[Finding]:
+def _undetermined(view: View, fit: Fit, u: Inputs, dt: Vector) -> Iterator[Finding]:
     """One finding for parameters that cannot be told for the same reason."""
     groups: dict[tuple[str, str], list[str]] = {}
     for name, verdict, reason in zip(fit.names, fit.verdict, fit.reasons, strict=True):
@@ -260,7 +260,7 @@ def _undetermined(view: View, fit: Fit, u: np.ndarray) -> Iterator[Finding]:
     model = _live(view)
     for (verdict, reason), names in groups.items():
         own = [name for name in names if name in model.parameters.names]  # not recordings' starts
-        motion = advise(model, own, u) if own else ()
+        motion = advise(model, own, u, dt) if own else ()
         step = (
             "record " + ", then ".join(motion)
             if motion

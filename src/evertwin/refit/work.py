@@ -44,6 +44,7 @@ from evertwin.refit.rows.newest import after, newer, newest
 from evertwin.refit.rows.one_form import made, plainer
 from evertwin.refit.tuner.candidates import Candidates
 from evertwin.refit.tuner.channels import (
+    Asked,
     caveats,
     of_a_bias,
     of_a_channel,
@@ -298,14 +299,19 @@ class Work(Candidates):
         if task.held and names and not task.rose:
             new = suddenly(windows, lambda rows: self.problem(version, rows, names))
             if sum(len(block.t) for block in new) >= ENOUGH * len(names):
-                content = self._corrected(version, new)
+                found = self._tuned_alone(version, new)
+                asked = of_a_channel(self, task, found, names, told=True) if found else Asked()
+                if asked.change:
+                    return of_a_sensor(asked.change)
+                content = self._corrected(version, new, asked.alike)
                 if content["candidate"]:
                     both = content, self._corrected(version, windows)
                     parts = after(windows, 0, new[0].row), new, self.known
                     return plainer(self.setup, self.versions, version, parts, both)
         return self._corrected(version, windows)
 
-    def _corrected(self, version: Version, windows: Windows) -> dict[str, Any]:
+    def _corrected(self, version: Version, windows: Windows, alike: str = "") -> dict[str, Any]:
+        """``alike``: what would look the same as numbers of the model alone."""
         found, starts = self._tuned_alone(version, windows), [version]
         if found:  # what numbers of the model explain no term has to
             starts.insert(0, replace(version, values=tuple(found[1].p.tolist())))
@@ -314,6 +320,8 @@ class Work(Candidates):
         if not proposal.found:
             events = [event("rejected", "", "no correction pays on unseen rows", evidence)]
             tuned = found and self.tuned(version, *found, windows, events)
+            if tuned:
+                tuned["reason"] += alike
             return {"events": events, "candidate": tuned}
         values = dict(zip(proposal.names, proposal.p.tolist(), strict=True))
         old = dict(zip(version.names, version.p.tolist(), strict=True))
@@ -321,11 +329,11 @@ class Work(Candidates):
         names = self.setup.model.parameters.names
         moved = {n: weak.get(n, n) for n in names if values.get(n) != old.get(n)}
         first = (f"tuned {', '.join(moved.values())}",) if moved else ()
-        alike = {kind(gain.term.kind).alike for gain in proposal.gains if gain.term.channel == "*"}
+        same = {kind(gain.term.kind).alike for gain in proposal.gains if gain.term.channel == "*"}
         model = self.versions.model_of(proposal.form)
         fit = posterior(self.setup, model, proposal, windows, tuple(moved))
         said = sentences(self.setup, proposal, fit)
-        reason = "; ".join((*first, *said, *sorted(alike - {""})))
+        reason = "; ".join((*first, *said, *sorted(same - {""})))
         return {
             "events": [event("corrected", "", reason, evidence)],
             "lacking": len(proposal.unseen),

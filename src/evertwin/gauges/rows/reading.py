@@ -183,9 +183,9 @@ def possible(setup: Setup, model: Model) -> Iterator[Reading]:
         signs = np.array([SIGN if one.name in pose[1:] else 1.0 for one in channels])
         own, still = tuple(range(len(channels))), np.zeros(len(channels))
         yield Reading(own, signs, still, (pose[2], pose[1]), SIGN, scanned.other_way(spec))
-    leads = _leads([measured_as(spec, one.name) for one in channels])
+    measured = [measured_as(spec, one.name) for one in channels]
     for recorded_so in readings(model, units):
-        one = _carried(recorded_so, channels, leads)
+        one = _carried(recorded_so, channels, measured)
         if one is None:
             continue
         scaled = one.number > 0.0 and not one.exchanged
@@ -198,20 +198,21 @@ def possible(setup: Setup, model: Model) -> Iterator[Reading]:
             yield from _of_one(channels, units, k, (n, name))
 
 
-def _leads(measured: Sequence[str]) -> tuple[int, ...]:
-    """Of each channel: the first that is computed of the same recorded one, itself where alone."""
-    return tuple(measured.index(name) for name in measured)
-
-
-def _carried(one: Reading, channels: Sequence[Channel], leads: Sequence[int]) -> Reading | None:
+def _carried(one: Reading, channels: Sequence[Channel], measured: Sequence[str]) -> Reading | None:
     """A reading with what is derived from the channels that it moves; None: it moves what is
-    derived, which nobody recorded, alone, or leaves it behind."""
+    derived, which nobody recorded, alone, or leaves it behind. Where the model takes several that
+    are derived from a channel, and not that one, it is for `evertwin.gauges.units.rescaled`.
+
+    Args:
+        measured: of each channel, the recorded one that it is, or is computed of.
+    """
+    leads = [measured.index(name) for name in measured]
     columns, factors, shifts = list(one.columns), one.factors.copy(), one.shifts.copy()
     moved = one.moved
     for k, lead in enumerate(leads):
         if lead == k or not (moved[k] or moved[lead]):
             continue
-        if not moved[lead]:
+        if not moved[lead] or channels[lead].name != measured[lead]:
             return None
         factors[k] = factors[lead]
         shifts[k] = shifts[lead] if channels[k].unit == channels[lead].unit else 0.0

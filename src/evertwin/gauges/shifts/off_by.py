@@ -16,10 +16,12 @@ from evertwin.fold import Block, Windows
 from evertwin.gauges.rows.gauge_rows import Rows, unchanged, zero_of
 from evertwin.setup.setup import Setup
 from evertwin.tuning import Problem
-from evertwin.types import Float64, Outputs, Vector
+from evertwin.types import Bools, Float64, Outputs, Vector
 
-STEPS = 3
-"""Steps towards what it is off by."""
+STEPS = 8
+"""Steps towards what it is off by, at most."""
+CLOSE = 1e-3
+"""Part of it that a step moves where it is the last."""
 SHARE = 0.1
 """What a share is tried with."""
 
@@ -59,11 +61,11 @@ def left_with(
 
 
 def learned(
-    rows: Rows, one: Column, lines: Float64[np.ndarray, "n k"]
+    rows: Rows, one: Column, lines: Float64[np.ndarray, "n k"], seen: Bools | None = None
 ) -> tuple[Float64[np.ndarray, " n"], Outputs, Float64[np.ndarray, "n ny k"]] | None:
     """What a column has to be off by for the version as it is to leave least, a sum of ``lines``,
-    (n,); what it leaves, (n, ny), and how that goes with each line at first; None: by nothing that
-    a sensor can be off by."""
+    (n,); what it leaves, (n, ny), and how that goes with each line there; None: by nothing that a
+    sensor can be off by. Of rows that are ``seen``, (n,), alone."""
     (k, scaled), nu = one, len(rows.setup.model.inputs)
     step = float(np.nanstd(rows.values[:, k])) if k < nu else 5.0 * float(rows.sizes[k - nu])
     step = SHARE if scaled else step
@@ -73,11 +75,15 @@ def learned(
     def left(by: Vector) -> Outputs:
         return left_with(rows.setup, rows.pose, rows.windows, one, by)
 
-    slope = (left(np.where(lines.any(axis=1), step, 0.0)) - rows.before) / step
-    columns, by, here = slope[:, :, None] * lines[:, None, :], np.zeros(rows.count), rows.before
+    on, by, here = lines.any(axis=1), np.zeros(rows.count), rows.before
     for _ in range(STEPS):
-        by = by + lines @ rows.least(columns, here)
+        slope = (left(by + np.where(on, step, 0.0)) - here) / step
+        columns = slope[:, :, None] * lines[:, None, :]
+        more = lines @ rows.least(columns, here, seen)
+        by = by + more
         if scaled and (by <= -1.0 + SHARE).any():
             return None
         here = left(by)
+        if np.abs(more).max() <= CLOSE * np.abs(by).max():
+            break
     return by, here, columns

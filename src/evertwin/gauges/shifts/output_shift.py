@@ -103,7 +103,7 @@ def shifted_output(rows: Rows) -> tuple[SensorChange | None, str]:
     count = np.count_nonzero(known.any(axis=1))
     enough, nu = count >= LEAST, len(rows.setup.model.inputs)
     off = rows.total(rows.before, known)
-    outputs = [one for one in outputs if moves(rows, one, known) >= OF_NOTE * off]
+    outputs = [one for one in outputs if _of_note(rows, one, known, off)]
     if not outputs:
         return None, ""
     best = min(outputs, key=lambda one: rows.total(one.left, known))
@@ -143,15 +143,17 @@ def shifted_output(rows: Rows) -> tuple[SensorChange | None, str]:
 
 
 def _as_learned(rows: Rows, one: Off, known: Bool[np.ndarray, "n ny"]) -> bool:
-    """Does one share leave as little as what is learned, which is one machine, too?"""
-    left = max(rows.total(some, known) for some in (one.left, one.alone))
-    return left <= ALIKE * rows.total(rows.tuned, known)
+    """Does one share leave as little as what is learned, which is one machine, too? The machine
+    as it was, that is: asked where no prediction begins with what the rows before tell of it."""
+    known = known & rows.scored(rows.fitted + 1)[:, None]
+    return rows.total(one.alone, known) <= ALIKE * rows.total(rows.tuned, known)
 
 
 def _steady(rows: Rows, one: Off, first: int, known: Bool[np.ndarray, "n ny"]) -> Off | None:
-    """The same channel off by one share from row ``first`` on; None: that, or one machine for all
-    rows, has no residual on some of the ``known``."""
-    found = _off(rows, (one.column, True), (np.arange(rows.count) >= first)[:, None] * 1.0)
+    """The same channel off by one share from row ``first`` on, as predictions tell that begin
+    there; None: that, or one machine for all rows, has no residual on some of the ``known``."""
+    since = (np.arange(rows.count) >= first)[:, None] * 1.0
+    found = _off(rows, (one.column, True), since, rows.scored(first + 1))
     told = found is not None and np.isfinite(found.left[known] + rows.tuned[known]).all()
     return found if told else None
 
@@ -163,6 +165,13 @@ def moves(rows: Rows, one: Off, known: Bool[np.ndarray, "n ny"]) -> float:
     read = rows.values[:, one.column] - rows.zeros[one.column]
     by = one.by * read / (1.0 + one.by) if one.scaled else one.by
     return float(np.square(by[known[:, k]] / rows.sizes[k]).sum())
+
+
+def _of_note(rows: Rows, one: Off, known: Bool[np.ndarray, "n ny"], off: float) -> bool:
+    """Is it what a sensor is off by that explains, rather than what was tuned beside it? What
+    swings is off by more than its sensor, which alone explains it then."""
+    alone = rows.total(one.alone, known)
+    return moves(rows, one, known) >= OF_NOTE * off or alone <= EXPLAINED * off
 
 
 def _off_outputs(rows: Rows, edges: list[int]) -> list[Off]:
@@ -181,7 +190,7 @@ def _explains(rows: Rows, first: int, found: list[Off]) -> bool:
         known &= np.isfinite(one.left)
     off = rows.total(rows.before, known)
     return any(
-        moves(rows, one, known) >= OF_NOTE * off and rows.total(one.left, known) <= EXPLAINED * off
+        _of_note(rows, one, known, off) and rows.total(one.left, known) <= EXPLAINED * off
         for one in found
     )
 
@@ -221,17 +230,19 @@ def _lines(n: int, edges: list[int]) -> Float64[np.ndarray, "n k"]:
     return each
 
 
-def _off(rows: Rows, one: Column, lines: Float64[np.ndarray, "n k"]) -> Off | None:
-    """What a channel has to be off by, or by what share, to leave least, beside one machine tuned
-    to all rows; a sum of ``lines``."""
-    found = learned(rows, one, lines)
+def _off(
+    rows: Rows, one: Column, lines: Float64[np.ndarray, "n k"], seen: Bools | None = None
+) -> Off | None:
+    """What a channel has to be off by, or by what share, to leave least of rows that are ``seen``,
+    (n,), beside one machine tuned to all rows; a sum of ``lines``."""
+    found = learned(rows, one, lines, seen)
     if found is None:
         return None
     by, left, columns = found
     alone, tuned = left, rows.left_on(undone(rows.setup, rows.windows, one, by))
     if tuned is not None:
         tuned = recorded(rows.setup, tuned, one, by)
-        more = rows.least(columns, tuned)
+        more = rows.least(columns, tuned, seen)
         tuned = tuned + columns @ more
         known = np.isfinite(tuned) & np.isfinite(left)
         if rows.total(tuned, known) < rows.total(left, known):

@@ -211,6 +211,6 @@ def _needs(problem: Problem, alike: Alike) -> str:
     own = problem.model.parameters.names
     if not set(pair) <= set(own):
         return "needs rows that begin at rest, or more of them"
-    told = problem.model, own if dynamic else pair, problem.rows.u
+    told = problem.model, own if dynamic else pair, problem.rows.u, problem.rows.dt
     needs = advise(*told, least=NEAR) or advise(*told, FAR, NEAR)
     return f"needs {' and '.join(needs)}" if needs else "no motion that was tried tells them apart"

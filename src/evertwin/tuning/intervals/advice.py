@@ -10,7 +10,7 @@ all and it says so.
 >>> axis = FunctionModel(lambda x, u, dt, p: ([], [p[0] * np.sign(u[0]) + p[1]]),
 ...     Layout.of(speed="rad/s"), Layout.of(torque="Nm"),
 ...     parameters=Parameters.of(Fc=(1.0, "Nm"), offset=(0.1, "Nm")))
->>> advise(axis, ("Fc", "offset"), np.linspace(1, 2, 20)[:, None])
+>>> advise(axis, ("Fc", "offset"), np.linspace(1, 2, 20)[:, None], np.full(20, 0.05))
 ('speed in both directions (here 1 to 2 rad/s)',)
 """
 
@@ -25,8 +25,10 @@ from evertwin.models import Model
 from evertwin.tuning.intervals.identifiability import NULL, SHARE, SMALL
 from evertwin.types import Inputs, Vector
 
-ROWS = 100
-"""Rows that the changes are tried on."""
+ROWS, STRETCH = 100, 400
+"""Rows that the changes are tried on: of a map any, of a model with states those in a row."""
+HUGE = 1e100
+"""What no output is by any motion."""
 MOST = 3
 """Changes named at most."""
 
@@ -34,17 +36,17 @@ MOST = 3
 class _Acting:
     """How the outputs of a model hang on its parameters, each asked of it once."""
 
-    def __init__(self, model: Model, seen: Inputs) -> None:
-        self.model, self.seen = model, seen
+    def __init__(self, model: Model, seen: Inputs, dt: Vector) -> None:
+        self.model, self.seen, self.dt = model, seen, dt
         self.columns: dict[tuple[str, str], Any] = {}
 
     @classmethod
-    def of(cls, model: Model, seen: Inputs) -> _Acting:
+    def of(cls, model: Model, seen: Inputs, dt: Vector) -> _Acting:
         """Kept with the model: asked again and again, as one hypothesis follows the other."""
         known = getattr(model, "__dict__", {}).setdefault("_acting", {})
-        if (key := seen.tobytes()) not in known:
+        if (key := seen.tobytes() + dt.tobytes()) not in known:
             known.clear()
-            known[key] = cls(model, seen)
+            known[key] = cls(model, seen, dt)
         found: _Acting = known[key]
         return found
 
@@ -52,30 +54,37 @@ class _Acting:
         """Sensitivity to the named parameters in natural sizes on these inputs, (n·ny, k)."""
         for name in names:
             if (text, name) not in self.columns:
-                self.columns[text, name] = _sensitivity(self.model, name, u)
+                self.columns[text, name] = _sensitivity(self.model, name, u, self.dt)
         return np.stack([self.columns[text, name] for name in names], axis=1)
 
 
 def advise(
-    model: Model, names: Sequence[str], u: Inputs, wider: float = 2.0, least: float = NULL
-) -> tuple[str, ...]:
+    model: Model, names: Sequence[str], u: Inputs, dt: Vector, wider: float = 2.0,
+    least: float = NULL,
+) -> tuple[str, ...]:  # fmt: skip
     """The extra motion that would determine ``names``, in words; empty if nothing helps.
 
     Args:
         model: any model; simulated freely from its initial state.
         names: parameters that the rows do not determine, with those they are entangled with.
         u: inputs seen, (n, nu).
+        dt: from the row before to each [s], (n,).
         wider: how far beyond the values seen a larger one may lie.
         least: singular value of unit columns from which a direction is determined.
     """
-    known = u[np.isfinite(u).all(axis=1)]
+    whole = np.isfinite(u).all(axis=1)
+    known = u[whole]
     if not len(known):
         return ()
-    seen, ends = known[:: max(1, len(u) // ROWS)], (known.min(axis=0), known.max(axis=0))
-    acting = _Acting.of(model, seen)
+    some = slice(STRETCH) if len(model.states) else slice(None, None, max(1, len(u) // ROWS))
+    seen, ends = known[some], (known.min(axis=0), known.max(axis=0))
+    acting = _Acting.of(model, seen, np.ascontiguousarray(dt[whole][some]))
     rows = acting.at("", seen, names)
     said: list[str] = []
-    options = {text: acting.at(text, v, names) for text, v in _changes(model, seen, ends, wider)}
+    tried = {text: acting.at(text, v, names) for text, v in _changes(model, seen, ends, wider)}
+    options = {text: columns for text, columns in tried.items() if np.isfinite(columns).all()}
+    if not np.isfinite(rows).all():
+        return ()
     for _ in range(MOST):
         if _determined(rows, least) or not options:
             break
@@ -115,9 +124,10 @@ def _changes(
             yield f"{channel.name} at several values in both directions {here}", both
 
 
-def _sensitivity(model: Model, name: str, u: Inputs) -> Any:
-    """Outputs' sensitivity to a parameter in its natural size, (n·ny,)."""
-    p, dt = model.parameters.values, np.full(len(u), 0.05)
+def _sensitivity(model: Model, name: str, u: Inputs, dt: Vector) -> Any:
+    """Outputs' sensitivity to a parameter in its natural size, (n·ny,): none where the model has no
+    answer, NaN where it runs away."""
+    p = model.parameters.values
     place = model.parameters.index(name)
     size = abs(float(p[place])) or 1.0
     ends = []
@@ -125,7 +135,8 @@ def _sensitivity(model: Model, name: str, u: Inputs) -> Any:
         q = p.copy()
         q[place] += sign * 1e-4 * size
         ends.append(model.simulate(model.initial(q), u, dt, q)[1].ravel())
-    return np.nan_to_num((ends[1] - ends[0]) / 2e-4)
+    found = (ends[1] - ends[0]) / 2e-4
+    return np.where(np.abs(found) > HUGE, np.nan, np.where(np.isnan(found), 0.0, found))
 
 
 def _unit(rows: Any) -> Any:

@@ -312,7 +312,7 @@ def _reasons(
 
 def _cure(problem: Problem, names: list[str]) -> str:
     own = [name for name in names if name in problem.model.parameters.names]
-    needs = advise(problem.model, own, problem.rows.u) if own else ()
+    needs = advise(problem.model, own, problem.rows.u, problem.rows.dt) if own else ()
     if needs:
         return f"needs {' and '.join(needs)}"
     return f"no motion tells them apart: fix one of {', '.join(names)}" if len(names) > 1 else ""
