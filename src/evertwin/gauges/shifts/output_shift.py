@@ -146,7 +146,8 @@ def _as_learned(rows: Rows, one: Off, known: Bool[np.ndarray, "n ny"]) -> bool:
     """Does one share leave as little as what is learned, which is one machine, too? The machine
     as it was, that is: asked where no prediction begins with what the rows before tell of it."""
     known = known & rows.scored(rows.fitted + 1)[:, None]
-    return rows.total(one.alone, known) <= ALIKE * rows.total(rows.tuned, known)
+    enough = int(np.count_nonzero(known)) >= LEAST
+    return enough and rows.total(one.alone, known) <= ALIKE * rows.total(rows.tuned, known)
 
 
 def _steady(rows: Rows, one: Off, first: int, known: Bool[np.ndarray, "n ny"]) -> Off | None:
