@@ -58,6 +58,22 @@ def test_a_trial_that_does_not_go_well_keeps_no_better_candidate_out() -> None:
         assert ("candidate" in content) == heard
 
 
+def test_a_change_that_nothing_is_newer_than_leaves_the_trial() -> None:
+    """The machine changed, and a candidate of the newest row is on trial: no row compares them."""
+    rng, n = np.random.default_rng(0), 600
+    v = np.repeat(rng.uniform(0.02, 0.2, n // 10), 10)
+    x = np.cumsum(np.where(np.arange(n) < n // 2, 1.0, 1.3) * v) + rng.normal(0.0, 0.002, n)
+    block = make_block(t=np.arange(n) * 10**9, u=v[:, None], y=x[:, None])
+    with Twin(SPEC) as twin:
+        live = twin.champion
+        rival = twin._versions.add(live.form, {"gain": 1.1}, parent=0, reason="tuned")
+        asked = Task(
+            "fit", live, (block,), 0, held=True, commissioned=True, rival=replace(rival, row=n)
+        )
+        content = work(twin).content(asked)
+    assert content["since"] >= n // 2 - 10 and "candidate" not in content
+
+
 def test_a_weight_spares_scheduled_tunings_and_no_deviation() -> None:
     """A turn at which nobody is due has passed, too: else none would ever be due again."""
     rare = replace(SPEC, tuning=replace(SPEC.tuning, weights={"gain": 0.02}))

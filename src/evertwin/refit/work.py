@@ -155,11 +155,11 @@ class Work(Candidates):
         if (found := content.get("candidate")) is not None:
             unseen = after(task.windows, max(rival.row, content.get("since", rival.row)))
             own = unseen if "since" in content else after(task.windows, found.get("told", 0))
-            rows = newer(unseen, self.setup.enough) or own
-            new = left(self.setup, *made(self.versions, task.version, found), rows, self.known)
             gain = MUCH if self._pays(task, rival, unseen) else self.setup.trial.margin
-            if np.nanmean(new / self.left(rival, rows)) <= 1.0 - gain:
-                return content
+            if rows := newer(unseen, self.setup.enough) or own:  # none: nothing is newer than it
+                new = left(self.setup, *made(self.versions, task.version, found), rows, self.known)
+                if np.nanmean(new / self.left(rival, rows)) <= 1.0 - gain:
+                    return content
         keys = ("next", "lacking", "since", *(("fit", "against") if task.kind == "fit" else ()))
         said = [one for one in content.get("events", ()) if one["kind"] == "changed"]
         return {k: content[k] for k in keys if k in content} | {"events": said}
