@@ -52,4 +52,4 @@ def written(file: Path, columns: Mapping[str, np.ndarray]) -> Path:
 def planned(model: Model, file: Path, u: np.ndarray, dt: np.ndarray) -> Path:
     """Inputs to come in SI, written as `Twin.forecast` reads them."""
     names = (f"{c.name} [{c.unit}]" if c.unit != "1" else c.name for c in model.inputs)
-    return written(file, {"t": np.cumsum(dt), **dict(zip(names, u.T, strict=True))})
+    return written(file, {"t": np.cumsum(dt) - dt, **dict(zip(names, u.T, strict=True))})

@@ -82,7 +82,7 @@ def pair(known: FitResult) -> list[Told]:
     """Part 1."""
     runs = {"unload" in file.stem: file for file in files("load_pair")}
     with with_values("ur10e", known) as twin:
-        result = twin.run([runs[True], runs[False], runs[True]])
+        result = twin.run([f"{runs[True]}@0:12", runs[False], f"{runs[True]}@12:"])
     for event in result.of_kind("state"):
         print(f"   row {event.row}: {event.reason}")
     edges = np.flatnonzero(np.diff(result.trace["task"]))
