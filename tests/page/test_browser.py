@@ -36,7 +36,8 @@ TABLES = """async () => {
   const row = { "table2.x": 1, "table2.y": 2, "table2.heading": Math.PI / 2, "table2.length": 1.2,
     "table2.width": 0.8, "table2.leg": 0.1, "table1.length": 0 };
   const round = (v) => Math.round(100 * v) / 100 + 0;
-  return tables(2, (name) => row[name]).map(({ a, points }) => (a ?? points.flat()).map(round));
+  const drawn = tables(2, 0.6, (name) => row[name]);
+  return drawn.map(({ a, points }) => (a ?? points.flat()).map(round));
 }"""
 TRUST = """async () => {
   const { trust } = await import("/static/verdict.js");
@@ -493,7 +494,7 @@ def test_the_ghost_of_an_arm_goes_where_the_torques_differ(shown: Shown) -> None
 def test_tables_of_the_simulated_world_stand_where_the_model_has_them(shown: Shown) -> None:
     *legs, plate = shown.go("").evaluate(TABLES)
     assert legs == [[0.7, 2.5, 0], [0.7, 1.5, 0], [1.3, 1.5, 0], [1.3, 2.5, 0]]
-    assert plate[:6] == [0.7, 2.5, 0.72, 0.7, 1.5, 0.72] and plate[-3:] == plate[:3]
+    assert plate[:6] == [0.7, 2.5, 0.6, 0.7, 1.5, 0.6] and plate[-3:] == plate[:3]
 
 
 def test_what_was_never_judged_is_not_counted_as_good(shown: Shown) -> None:

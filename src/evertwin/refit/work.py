@@ -303,16 +303,20 @@ class Work(Candidates):
                 asked = of_a_channel(self, task, found, names, told=True) if found else Asked()
                 if asked.change:
                     return of_a_sensor(asked.change)
-                content = self._corrected(version, new, asked.alike)
+                content = self._corrected(version, new, found, asked.alike)
                 if content["candidate"]:
-                    both = content, self._corrected(version, windows)
+                    whole = self._tuned_alone(version, windows)
+                    both = content, self._corrected(version, windows, whole)
                     parts = after(windows, 0, new[0].row), new, self.known
                     return plainer(self.setup, self.versions, version, parts, both)
-        return self._corrected(version, windows)
+        return self._corrected(version, windows, self._tuned_alone(version, windows))
 
-    def _corrected(self, version: Version, windows: Windows, alike: str = "") -> dict[str, Any]:
-        """``alike``: what would look the same as numbers of the model alone."""
-        found, starts = self._tuned_alone(version, windows), [version]
+    def _corrected(
+        self, version: Version, windows: Windows, found: tuple[Problem, Fit] | None,
+        alike: str = "",
+    ) -> dict[str, Any]:  # fmt: skip
+        """``found``: what tuning alone finds; ``alike``: what would look the same as that."""
+        starts = [version]
         if found:  # what numbers of the model explain no term has to
             starts.insert(0, replace(version, values=tuple(found[1].p.tolist())))
         proposal = sought(self.setup, self.versions, starts, windows)

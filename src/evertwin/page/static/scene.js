@@ -324,10 +324,9 @@ export function robot([x, y, heading], size, ghost = false) {
 }
 
 const WOOD = [0.62, 0.44, 0.26, 1];
-const HIGH = 0.72;
 
-/** Tables that stand in a model's places for them, which are inputs of it: four legs and the outline of a plate. */
-export function tables(count, input) {
+/** Tables that stand in a model's places for them, which are inputs of it: four legs and the outline of a plate so high. */
+export function tables(count, height, input) {
   const things = [];
   for (let k = 1; k <= count; k += 1) {
     const [x, y, heading, length, width, leg] = ["x", "y", "heading", "length", "width", "leg"].map((n) => input(`table${k}.${n}`) ?? 0);
@@ -335,7 +334,7 @@ export function tables(count, input) {
     const [c, sn] = [Math.cos(heading), Math.sin(heading)];
     const [u, v] = [length / 2 - leg, width / 2 - leg];
     const feet = [[u, v], [-u, v], [-u, -v], [u, -v]].map(([a, b]) => [x + a * c - b * sn, y + a * sn + b * c, 0]);
-    const plate = feet.map(([a, b]) => [a, b, HIGH]);
+    const plate = feet.map(([a, b]) => [a, b, height]);
     feet.forEach((a, j) => things.push({ a, b: plate[j], radius: Math.max(leg, 0.01), flat: true, colour: WOOD }));
     things.push({ points: [...plate, plate[0]], colour: WOOD });
   }

@@ -17,7 +17,7 @@ from typing import Any
 from evertwin.machines.arm.model import Arm
 from evertwin.machines.arm.rnea import JOINT
 from evertwin.models import Model
-from evertwin.models.table_bodies import tables_of
+from evertwin.models.table_bodies import Plate, tables_of
 
 POSE = ("x", "y", "heading")
 
@@ -31,7 +31,9 @@ def scene_of(model: Model, tolerance: float) -> Mapping[str, Any]:
     if "x" in names:
         kind = "base" if "y" in names else "line"
         pose, tables = [n for n in POSE if n in names], tables_of(model.inputs.names)
-        return {"kind": kind, "pose": pose, "tolerance": tolerance, "tables": tables}
+        plate: Plate = getattr(model, "plate", Plate())  # of a world that takes tables
+        told = {"tables": tables, "height": plate.height}
+        return {"kind": kind, "pose": pose, "tolerance": tolerance, **told}
     return {"kind": "none"}
 
 

@@ -282,7 +282,7 @@ class Live {
     const step = 10 ** Math.floor(Math.log10(Math.max(this.scene.distance / 5, 1))); // a grid, not a grey plane
     const size = Math.max(0.25, 0.025 * this.scene.distance); // it is seen beside a long path, too
     const things = [floor(step * Math.ceil(this.scene.distance / 3 / step), step, this.scene.centre.map((v) => step * Math.round(v / step))), path, adopted,
-      ...tables(this.looks.tables, (name) => rows.inputs[name]?.[k])];
+      ...tables(this.looks.tables, this.looks.height, (name) => rows.inputs[name]?.[k])];
     const [m, p] = [pose("measured", k), pose("predicted", k)];
     if (known(m)) things.push(...robot(m, size));
     if (known(p)) things.push(...robot(p, 1.12 * size, true));
