@@ -62,9 +62,9 @@ def drive(gain: float = 1.0, **limits: float) -> Compiled:
     )  # fmt: skip
 
 
-def store() -> Compiled:
+def store(**limits: float) -> Compiled:
     """x' = u − x; measured x [m], as a model of one's own begins."""
-    place = Layout.of(y="m")
+    place = Layout((Channel("y", "m", **limits),))  # type: ignore[arg-type]
     return Compiled(
         Layout.of(u="m"), place, place, Parameters.of(gain=(1.0, "1/s")), _store.address,
         _drive_observe.address,

@@ -23,6 +23,7 @@ from evertwin.sync.plausible_loop import (
     grown,
     implausible,
     learn,
+    mark_onset,
     measure,
 )
 from evertwin.sync.run_loop import EQUAL, follow, learn_noise, withdraw
@@ -41,7 +42,8 @@ from evertwin.sync.workspace import Case
 OK, CONTESTED = int(Mark.OK), int(Mark.CONTESTED)
 OVERRULED, ERROR = int(Mark.OVERRULED), int(Mark.ERROR)
 ADOPTED, BLENDED, RESET, FIRST = 1, 2, 3, 4
-SYNTAX, FROZEN, FACTOR, VOTE = map(int, (Cause.SYNTAX, Cause.FROZEN, Cause.FACTOR, Cause.VOTE))
+NONE, SYNTAX, RATE, VOTE = map(int, (Cause.NONE, Cause.SYNTAX, Cause.RATE, Cause.VOTE))
+FROZEN, FACTOR = int(Cause.FROZEN), int(Cause.FACTOR)
 RECENT = 300
 """Samples that the mean square of measured − predicted remembers."""
 NEWEST = 8
@@ -254,12 +256,16 @@ def judge(case: Case, g: int, size: int, now: Any, phase: int, teaches: bool) ->
     follow(case, g, size, now, ratio > 1.0)
     cause = implausible(case, g, size, now[1])
     open_factor, held = started and numbers[g, at.CAUSE] == FACTOR, 0
-    if open_factor and cause in (0, FROZEN):  # a factor may leave few digits that change
+    # A factor may leave few digits that change, and makes any motion too fast.
+    if open_factor and cause in (NONE, FROZEN, RATE):
         growth = grown(rules, numbers, figures, g, now[1])
         held = persists(case, g, size, growth)
-        cause = FACTOR if held > 0 else cause
-    if cause == 0 and ratio > 1.0:
-        cause = doubted(case.settings, case.memory, case.sample, g, size)
+        cause = FACTOR if held > 0 else NONE if held == 0 and cause == RATE else cause
+    if ratio > 1.0:
+        mark_onset(values, numbers, case.sample, g, size)
+        if cause in (NONE, RATE):
+            named = doubted(case.settings, case.memory, case.sample, g, size)
+            cause = named if named > 0 else cause
     for k in range(size):
         values[room[k], at.LAST] = y[room[k]]
     numbers[g, at.LAST_AT] = now[1]

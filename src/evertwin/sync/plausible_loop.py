@@ -185,9 +185,10 @@ def has_moved(values: Any) -> bool:
 
 @njit(**COLD)
 def mark_onset(values: Any, numbers: Any, sample: Any, g: int, size: int) -> None:
-    """The first doubted sample, and where the line through the two trusted ones before it is."""
-    room, y = sample[0], sample[1]
-    if numbers[g, at.GOOD_AT] == numbers[g, at.LAST_AT]:
+    """The first doubted sample, and where the line through the two trusted ones before it is; codes
+    and values out of range tell of no leap."""
+    room, y, before = sample[0], sample[1], numbers[g, at.CAUSE]
+    if numbers[g, at.GOOD_AT] == numbers[g, at.LAST_AT] or before in (RANGE, SENTINEL):
         for k in range(size):
             j = room[k]
             values[j, at.AWAY_AT] = y[j]
@@ -258,9 +259,8 @@ def suspected(
 def doubted(settings: Any, memory: Any, sample: Any, g: int, size: int) -> int:
     """A value outside the gate: a sentinel code, a suspected factor, or neither."""
     limits, rules, sentinels = settings
-    values, numbers, figures = memory
+    values, _, figures = memory
     room, y = sample[0], sample[1]
-    mark_onset(values, numbers, sample, g, size)
     for k in range(size):
         j = room[k]
         noise = rules[g, at.GATE] * np.sqrt(values[j, at.BASE])
