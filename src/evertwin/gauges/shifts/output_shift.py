@@ -131,7 +131,7 @@ def shifted_output(rows: Rows) -> tuple[SensorChange | None, str]:
     channel, said = rows.setup.model.outputs.channels[best.column - nu], _said(rows, best, edges[0])
     alike = ours <= ALIKE * theirs or (seen and ours <= usual)  # the usual is nothing to explain
     # of a machine that became another one as well nobody says that its sensor alone did
-    alike = alike and rows.total(best.alone, known) <= ALIKE * max(theirs, usual)
+    alike = alike and rows.total(best.alone, known) <= ALIKE * max(theirs, usual * _larger(best))
     again = alike and rows.total(rows.tuned, known) >= BARELY * off
     if enough and (clear or again):
         part = 100 * (1.0 - ours / off)
@@ -140,6 +140,12 @@ def shifted_output(rows: Rows) -> tuple[SensorChange | None, str]:
         return SensorChange(channel.name, 1.0, why, None, rows.row(edges[0])), ""
     told = alike or (steady is not None and _as_learned(rows, steady, known))
     return None, f"; {SENSOR}{channel.name} that is off by {said} {SAME}" if told else ""
+
+
+def _larger(one: Off) -> float:
+    """So many times its usual square a version is off where its sensor reads more, as it was."""
+    on = one.by[one.by != 0.0]
+    return max(float(np.mean(np.square(1.0 + on))), 1.0) if one.scaled and len(on) else 1.0
 
 
 def _as_learned(rows: Rows, one: Off, known: Bool[np.ndarray, "n ny"]) -> bool:
