@@ -77,7 +77,7 @@ POINTS = (
     ("evertwin.loop.driver", "Driver.beat"),
     ("evertwin.refit.work", "Work.content"),
     ("evertwin.loop.slow_work", "SlowWork.send"),
-    ("evertwin.loop.decide", "Decide._promote"),
+    ("evertwin.loop.decisions.decide", "Decide._promote"),
     ("evertwin.loop.run", "Run._finished"),
 )
 HOW = {

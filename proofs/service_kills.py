@@ -60,7 +60,7 @@ POINTS = (
     ("evertwin.ledger.ledger", "Ledger.commit"),
     ("evertwin.loop.driver", "Driver.beat"),
     ("evertwin.loop.slow_work", "SlowWork.send"),
-    ("evertwin.loop.decide", "Decide._promote"),
+    ("evertwin.loop.decisions.decide", "Decide._promote"),
     ("evertwin.store.writer", "Writer.flush"),
     ("evertwin.store.tables", "Tables.write"),
     ("evertwin.store.checkpoints", "Checkpoints.write"),

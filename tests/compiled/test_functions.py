@@ -30,7 +30,7 @@ from evertwin.compiled.memory import (
 from evertwin.compiled.stamp import stamp_of
 from evertwin.errors import UsageError
 from evertwin.sync import places
-from evertwin.sync.plausible_loop import doubted, suspected
+from evertwin.sync.arbiter.plausible_loop import doubted, suspected
 
 SUM = "float64(CPointer(float64), int64)"
 

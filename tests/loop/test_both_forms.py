@@ -63,4 +63,4 @@ def test_plain_python_and_machine_code_give_the_same_bits(
     monkeypatch.setattr(Function, "__call__", both)
     found = case()
     play(found, [found.rows])
-    assert {"evertwin.sync.track_loop.run", "evertwin.trial.gate_loop.run"} <= set(seen)
+    assert {"evertwin.sync.track.track_loop.run", "evertwin.trial.gate_loop.run"} <= set(seen)

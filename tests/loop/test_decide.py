@@ -13,8 +13,8 @@ from evertwin.anomaly import external_loop
 from evertwin.config.spec import AnomalySpec, CorrectionSpec, PredictionSpec, Span, TuningSpec
 from evertwin.fold import Answer, Event, Request, copy, make_block
 from evertwin.ledger.versions import Versions
+from evertwin.loop.decisions.follow import EMPTY
 from evertwin.loop.driver import Driver
-from evertwin.loop.follow import EMPTY
 from evertwin.models.form import Form, Term
 from evertwin.setup.configured_model import model_of
 from evertwin.setup.detectors import Alarm

@@ -19,7 +19,7 @@ from evertwin.config.spec import (
 )
 from evertwin.fold import Block, Event, Mark, copy, load, make_block, save, take
 from evertwin.fold.state import equal
-from evertwin.loop.contacts import unsure
+from evertwin.loop.decisions.contacts import unsure
 from evertwin.models.spec import ParameterSpec
 from evertwin.rows.ring import Ring
 from evertwin.setup.configured_model import model_of

@@ -11,9 +11,9 @@ from evertwin import Twin, TwinSpec
 from evertwin.config import spec
 from evertwin.fold import copy, make_block
 from evertwin.ledger.versions import Versions
+from evertwin.loop.decisions.follow import EMPTY
+from evertwin.loop.decisions.going_live import goes_live
 from evertwin.loop.driver import Driver
-from evertwin.loop.follow import EMPTY
-from evertwin.loop.going_live import goes_live
 from evertwin.models import FunctionModel, Model, Parameters
 from evertwin.models.form import Form
 from evertwin.models.translated import translated

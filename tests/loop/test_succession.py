@@ -9,9 +9,9 @@ from evertwin import FunctionModel, Layout, Twin, TwinSpec
 from evertwin.anomaly.spec import AnomalySpec
 from evertwin.config.spec import ModelSpec
 from evertwin.ledger.versions import Versions
-from evertwin.loop.decision import Decision
+from evertwin.loop.decisions.decision import Decision
+from evertwin.loop.decisions.succession import makes_room
 from evertwin.loop.driver import Driver
-from evertwin.loop.succession import makes_room
 from evertwin.setup.twin_state import PROBATION, WATCH
 from evertwin.trial import Trial
 from evertwin.trial.betting import evidence, open_bets, passed_on

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from evertwin.errors import DataError, UsageError
 from evertwin.fold import Chunk, Mark, Out, check_online, copy, equal, join, load, save
 from evertwin.signals import Channel, Layout
-from evertwin.sync import Align, Feed, Track, align_loop
+from evertwin.sync import Align, Feed, Track
+from evertwin.sync.alignment import align_loop
 
 from .machines import drive
 
@@ -155,7 +156,7 @@ def test_the_straight_way_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
     calls = []
     push = align_loop.push
     monkeypatch.setattr(
-        "evertwin.sync.align.loop.push", lambda *a: (calls.append(a[0]), push(*a))[1]
+        "evertwin.sync.alignment.align.loop.push", lambda *a: (calls.append(a[0]), push(*a))[1]
     )
     state, out = run(align, chunks)
     assert equal(state, expected[0]) and equal(out.rows, expected[1].rows)

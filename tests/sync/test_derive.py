@@ -11,8 +11,8 @@ import scipy
 from evertwin.errors import ConfigError
 from evertwin.fold.state import equal
 from evertwin.signals.fir import Symmetric
-from evertwin.sync.align import Rows
-from evertwin.sync.derive import Derive, Operation, Taken
+from evertwin.sync.alignment.align import Rows
+from evertwin.sync.alignment.derive import Derive, Operation, Taken
 
 LOW = Symmetric.butterworth(20.0, 100.0)
 ALL = (

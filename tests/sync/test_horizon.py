@@ -11,7 +11,8 @@ from evertwin.errors import UsageError
 from evertwin.fold import Block, Mark, check_online, concatenate, equal, fold, make_block, take
 from evertwin.models import FunctionModel, roll
 from evertwin.signals import Layout
-from evertwin.sync import Horizon, horizon_loop, residuals, restarts
+from evertwin.sync import Horizon, residuals, restarts
+from evertwin.sync.horizon import horizon_loop
 
 from .machines import drive, drive_rows, unicycle, unicycle_rows
 

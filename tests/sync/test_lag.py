@@ -5,7 +5,7 @@ import pytest
 
 from evertwin.fold import Block, make_block
 from evertwin.signals import Layout
-from evertwin.sync.lag import shared_lag
+from evertwin.sync.horizon.lag import shared_lag
 
 from .machines import unicycle
 

@@ -9,8 +9,8 @@ import pytest
 
 from evertwin.fold import Event
 from evertwin.fold.state import equal
-from evertwin.sync.align import Rows
-from evertwin.sync.derive import Derive, Operation, Taken
+from evertwin.sync.alignment.align import Rows
+from evertwin.sync.alignment.derive import Derive, Operation, Taken
 
 STAGE = Derive(
     ("q",), (Operation("q", "steady", ("q",)), Operation("qd", "derivative", ("q",))),

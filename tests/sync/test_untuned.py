@@ -9,8 +9,8 @@ from evertwin.fold import Block, Event, make_block
 from evertwin.machines.drive import Drive
 from evertwin.sync import Arbiter, Rule, Track
 from evertwin.sync import places as at
-from evertwin.sync.factor_loop import weigh
-from evertwin.sync.plausible_loop import in_scale, stands_out
+from evertwin.sync.arbiter.factor_loop import weigh
+from evertwin.sync.arbiter.plausible_loop import in_scale, stands_out
 
 from .machines import store, unicycle
 

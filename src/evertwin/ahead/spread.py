@@ -34,7 +34,7 @@ from evertwin.fold import Block, take
 from evertwin.models import Model, Restart, hidden_of, observed, roll
 from evertwin.models.function import kernel_of
 from evertwin.models.kernel import ADOPT
-from evertwin.sync.horizon import openings, residuals, restarts
+from evertwin.sync.horizon.horizon import openings, residuals, restarts
 from evertwin.types import Float64, Int64, Intervals, Outputs, ParameterVector, StateVector, Vector
 
 LEVELS = (0.8, 0.95)

@@ -31,7 +31,7 @@ from evertwin.fold import Block, take
 from evertwin.models import Model, observed, remembers
 from evertwin.models.batch import Batch, mapped
 from evertwin.rows.feed import Data
-from evertwin.sync.horizon import residuals, restarts
+from evertwin.sync.horizon.horizon import residuals, restarts
 from evertwin.types import Bools, Float64, Inputs, Int64, Json, Outputs, PerOutput, Vector
 
 WIDTHS = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0)

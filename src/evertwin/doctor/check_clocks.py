@@ -29,8 +29,8 @@ from evertwin.rows.channels import recorded_as
 from evertwin.signals import Layout, unwrapped, wrap
 from evertwin.signals.delay import Offset, clock_offset
 from evertwin.signals.related import follows
-from evertwin.sync.horizon import restarts, trusted
-from evertwin.sync.lag import SharedLag, shared_lag
+from evertwin.sync.horizon.horizon import restarts, trusted
+from evertwin.sync.horizon.lag import SharedLag, shared_lag
 from evertwin.types import Outputs, Vector
 
 PIECE = 10.0

@@ -14,7 +14,7 @@ from evertwin.gauges.rows.unlike import changes
 from evertwin.signals import wrap
 from evertwin.signals.spoken import spoken
 from evertwin.sources.clocks.tally import Tally
-from evertwin.sync.horizon import residuals
+from evertwin.sync.horizon.horizon import residuals
 
 LOST = 0.05
 """Share of an output's samples that may go unused."""

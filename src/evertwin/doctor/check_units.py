@@ -37,8 +37,8 @@ from evertwin.models import roll
 from evertwin.models.function import kernel_of
 from evertwin.rows.channels import recorded_as, unit_recorded
 from evertwin.signals.delay import Lag
-from evertwin.sync.horizon import restarts, trusted
-from evertwin.sync.lag import SharedLag, shared_lag
+from evertwin.sync.horizon.horizon import restarts, trusted
+from evertwin.sync.horizon.lag import SharedLag, shared_lag
 from evertwin.types import ParameterVector, Vector
 
 WRONG, BETTER = 0.6, 0.5

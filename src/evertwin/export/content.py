@@ -22,7 +22,7 @@ from evertwin.setup.evaluation import predict
 from evertwin.setup.setup import Setup
 from evertwin.signals import Layout
 from evertwin.store import Estimate, Store
-from evertwin.sync.horizon import trusted
+from evertwin.sync.horizon.horizon import trusted
 from evertwin.types import Inputs, Outputs, Vector
 
 

@@ -1,9 +1,9 @@
 """What a person says to an event of the log, and what of it acts on the twin.
 
 ``acknowledged``, ``shelved`` and ``true`` are kept and shown. The others are inputs of the fold
-(`evertwin.loop.heeding`): a ``false alarm`` counts in the rate that its detector is held to, and is
-no evidence again; a named ``cause`` is tried first at the next tuning; ``faulty`` rows leave the
-window of every fit.
+(`evertwin.loop.decisions.heeding`): a ``false alarm`` counts in the rate that its detector is held
+to, and is no evidence again; a named ``cause`` is tried first at the next tuning; ``faulty`` rows
+leave the window of every fit.
 """
 
 from __future__ import annotations

@@ -15,8 +15,8 @@ import numpy as np
 
 from evertwin.anomaly import Rise
 from evertwin.errors import StoreError
+from evertwin.loop.decisions.follow import EMPTY
 from evertwin.loop.driver import Driver
-from evertwin.loop.follow import EMPTY
 from evertwin.rows.ring import Rows
 from evertwin.setup.detectors import Alarm
 from evertwin.setup.deviation import Sums, Usual

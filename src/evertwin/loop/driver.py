@@ -17,10 +17,10 @@ from evertwin.engine import Engine, InProcess
 from evertwin.fold import Answer, Block, Event, Record, copy, take
 from evertwin.gauges.rows.withdrawn import withdraw
 from evertwin.ledger.versions import Versions
-from evertwin.loop.crossing import crossed
-from evertwin.loop.decide import Decide
-from evertwin.loop.follow import EMPTY, Follow, Followed
-from evertwin.loop.former import none, with_live
+from evertwin.loop.decisions.crossing import crossed
+from evertwin.loop.decisions.decide import Decide
+from evertwin.loop.decisions.follow import EMPTY, Follow, Followed
+from evertwin.loop.decisions.former import none, with_live
 from evertwin.loop.slow_work import SlowWork
 from evertwin.outcome.changes import spelled
 from evertwin.refit.work import Work

@@ -12,9 +12,9 @@ import numpy as np
 
 from evertwin.fold import Answer, Block, Event, Record
 from evertwin.ledger.versions import Versions
+from evertwin.loop.decisions.follow import Followed
+from evertwin.loop.decisions.in_stream import as_is
 from evertwin.loop.driver import Driver
-from evertwin.loop.follow import Followed
-from evertwin.loop.in_stream import as_is
 from evertwin.models import Parameters
 from evertwin.models.form import Version
 from evertwin.outcome.asked_of import limits

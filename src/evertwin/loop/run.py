@@ -27,8 +27,8 @@ from evertwin.ledger.ledger import Ledger
 from evertwin.ledger.run_log import RunLog
 from evertwin.ledger.seen import Place, find, later, rest
 from evertwin.loop.carried import carried
+from evertwin.loop.decisions.follow import Followed
 from evertwin.loop.driver import Driver
-from evertwin.loop.follow import Followed
 from evertwin.loop.observer import Observer
 from evertwin.loop.retold import Retold
 from evertwin.outcome.headline import first_of_rows

@@ -15,8 +15,8 @@ from functools import partial
 from evertwin.engine import Engine
 from evertwin.fold import Answer, Request
 from evertwin.ledger.caveats import caveats_of
-from evertwin.loop.former import former
-from evertwin.loop.in_stream import as_is
+from evertwin.loop.decisions.former import former
+from evertwin.loop.decisions.in_stream import as_is
 from evertwin.models.form import Version
 from evertwin.refit.answer_events import undone
 from evertwin.refit.work import Work

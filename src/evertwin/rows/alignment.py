@@ -39,10 +39,10 @@ from evertwin.signals import Channel, Layout
 from evertwin.signals.units import compatible
 from evertwin.sources.columns.scans import Lidar
 from evertwin.sync import Align, AlignState, Feed, Rows
-from evertwin.sync.align import TICK
-from evertwin.sync.derive import Derive, DeriveState, Operation, Taken
-from evertwin.sync.horizon import nanoseconds
-from evertwin.sync.steady_loop import LONGEST
+from evertwin.sync.alignment.align import TICK
+from evertwin.sync.alignment.derive import Derive, DeriveState, Operation, Taken
+from evertwin.sync.alignment.steady_loop import LONGEST
+from evertwin.sync.horizon.horizon import nanoseconds
 
 QUIET = ("task_shifted",)
 """Notes of the alignment that are no event of the machine."""

@@ -11,7 +11,7 @@ from evertwin.config import TwinSpec
 from evertwin.errors import DataError
 from evertwin.fold import Chunk
 from evertwin.store import Batch, Store
-from evertwin.sync.horizon import nanoseconds
+from evertwin.sync.horizon.horizon import nanoseconds
 
 SECONDS = 1.0
 """Time from one look at what may go to the next."""

@@ -20,7 +20,7 @@ from evertwin.setup.deviation import usual_of
 from evertwin.setup.setup import Setup
 from evertwin.signals.sizes import rms, size
 from evertwin.signals.spoken import in_recorded
-from evertwin.sync.horizon import residuals, restarts
+from evertwin.sync.horizon.horizon import residuals, restarts
 from evertwin.tuning import Fit, Problem
 from evertwin.tuning.posing.before import begins
 from evertwin.types import Float64, Json, Outputs, ParameterVector, PerOutput, StateVector, Vector

@@ -16,7 +16,7 @@ from evertwin.fold import Block
 from evertwin.models import Model, Restart, observed, roll
 from evertwin.models.function import kernel_of
 from evertwin.models.kernel import ANEW
-from evertwin.sync.horizon import openings, trusted
+from evertwin.sync.horizon.horizon import openings, trusted
 from evertwin.types import ParameterVector, StateVector
 
 

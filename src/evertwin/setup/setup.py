@@ -27,7 +27,7 @@ from evertwin.setup.scores import Watch
 from evertwin.signals.sizes import sizes
 from evertwin.signals.spoken import MANY, number, share, suited
 from evertwin.sync import Track
-from evertwin.sync.horizon import nanoseconds
+from evertwin.sync.horizon.horizon import nanoseconds
 from evertwin.trial import PROBATION, Trial
 from evertwin.types import Bools, Outputs, PerOutput
 

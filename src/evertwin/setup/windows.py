@@ -16,7 +16,7 @@ from evertwin.config.spec import CutSpec
 from evertwin.errors import ConfigError, DataError
 from evertwin.fold import Block, Windows, take
 from evertwin.setup.setup import Setup
-from evertwin.sync.horizon import nanoseconds
+from evertwin.sync.horizon.horizon import nanoseconds
 
 
 def windows_of(windows: Iterable[Block], rule: CutSpec | None) -> Windows:

@@ -59,7 +59,7 @@ class TrackSettings(NamedTuple):
 
 
 class Notes(NamedTuple):
-    """Findings of one pass, see `evertwin.sync.arbiter.describe`.
+    """Findings of one pass, see `evertwin.sync.arbiter.arbiter.describe`.
 
     >>> Notes.room(rows=1, groups=1, inputs=1, outputs=1).found.shape
     (19, 8)
@@ -116,11 +116,11 @@ class TrackState(NamedTuple):
     """Task of the last row, has a row come? Rows that the model was asked for, those of them at
     which its step raised something, the first of these."""
     beside: StateVector
-    """State as it would be without what was believed last, see `evertwin.sync.beside_loop`."""
+    """State without what was believed last, see `evertwin.sync.arbiter.beside_loop`."""
     account: Float64[np.ndarray, "ny 14"]
     matter: Int64[np.ndarray, " six"]
     free: Float64[np.ndarray, "ng nx"]
-    """State that runs free of each group, see `evertwin.sync.free_loop`."""
+    """State that runs free of each group, see `evertwin.sync.arbiter.free_loop`."""
 
     def failed(self, events: Iterable[Record]) -> Failed | None:
         """The rows that the model could not compute, with the reason that the stage told of the

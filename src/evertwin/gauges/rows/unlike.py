@@ -15,7 +15,7 @@ from evertwin.fold import Block
 from evertwin.models import Model
 from evertwin.models.batch import Batch
 from evertwin.signals import wrap
-from evertwin.sync.horizon import restarts
+from evertwin.sync.horizon.horizon import restarts
 from evertwin.types import Bool, Outputs, ParameterVector, Vector
 
 

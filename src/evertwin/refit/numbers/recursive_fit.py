@@ -16,7 +16,7 @@ from evertwin.fold import Block
 from evertwin.models import LinearModel, Parameters
 from evertwin.setup.evaluation import Prediction
 from evertwin.setup.setup import NOT_LINEAR, Setup, matching
-from evertwin.sync.horizon import residuals
+from evertwin.sync.horizon.horizon import residuals
 from evertwin.tuning import Fit, Problem, Recursive
 from evertwin.types import Vector
 

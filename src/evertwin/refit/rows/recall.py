@@ -13,7 +13,7 @@ import numpy as np
 from evertwin.correction.sarsa_settings import SarsaSettings
 from evertwin.fold import Block, Windows, take
 from evertwin.gauges.changes.change import split
-from evertwin.sync.horizon import nanoseconds
+from evertwin.sync.horizon.horizon import nanoseconds
 
 PREDICTIONS = 20
 """Length of the rows of a level that are enough, in horizons."""

@@ -22,7 +22,7 @@ import numpy as np
 
 from evertwin.config import TwinSpec
 from evertwin.fold import Chunk
-from evertwin.sync.horizon import nanoseconds
+from evertwin.sync.horizon.horizon import nanoseconds
 
 LEAST, MOST = 0.05, 0.5
 """Seconds from one look to the next."""

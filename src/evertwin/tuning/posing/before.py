@@ -15,7 +15,7 @@ from evertwin.fold import Block, concatenate, take
 from evertwin.models import Model, observed, remembers
 from evertwin.models.function import kernel_of
 from evertwin.models.rollout import roll
-from evertwin.sync.horizon import restarts
+from evertwin.sync.horizon.horizon import restarts
 from evertwin.tuning.posing.recordings import given
 from evertwin.types import Outputs, ParameterVector, StateVector
 

@@ -40,7 +40,7 @@ from evertwin.models import (
 from evertwin.models.batch import Batch, mapped
 from evertwin.models.kernel import ANEW
 from evertwin.signals import wrap
-from evertwin.sync.horizon import restarts
+from evertwin.sync.horizon.horizon import restarts
 from evertwin.tuning.linear.closed import Reduced, dense, slots
 from evertwin.tuning.linear.sensitivity import Sensitivity
 from evertwin.tuning.posing.before import Begins, begins

@@ -21,8 +21,8 @@ import numpy as np
 
 from evertwin.errors import DataError
 from evertwin.fold import Block
-from evertwin.sync.horizon import finite, openings, trusted
-from evertwin.sync.horizon_loop import began, counted
+from evertwin.sync.horizon.horizon import finite, openings, trusted
+from evertwin.sync.horizon.horizon_loop import began, counted
 from evertwin.tuning.residuals.classes import Classes
 from evertwin.types import Bool, Bools, Inputs, Intervals, Outputs
 

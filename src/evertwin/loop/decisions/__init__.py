@@ -1,0 +1,1 @@
+"""What the twin decides at a beat, one concept each."""

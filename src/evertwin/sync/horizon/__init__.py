@@ -1,0 +1,1 @@
+"""Predictions over a horizon, each from the measured state."""
