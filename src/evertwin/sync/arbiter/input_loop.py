@@ -2,11 +2,11 @@
 
 An input outside the range that it had is tried against its last usual value, or divided by the
 factor that `evertwin.sync.arbiter.input_unit_loop` finds. Where the outputs are off by far less
-with that, they do not follow it. Far outside, that is no machine's doing: the input did not reach it as it was
-recorded, and what was tried stands in its place. Nearer, a machine that is blocked gives such rows
-too: the input is believed, but it does not widen the range. By a factor it is not: there the
-outputs have to follow what was tried. It holds until the outputs follow the input as it is
-recorded, by likelihood, since a factor cannot be seen near zero.
+with that, they do not follow it. Far outside, that is no machine's doing: the input did not reach
+it as it was recorded, and what was tried stands in its place. Nearer, a machine that is blocked
+gives such rows too: the input is believed, but it does not widen the range. By a factor it is not:
+there the outputs have to follow what was tried. It holds until the outputs follow the input as it
+is recorded, by likelihood, since a factor cannot be seen near zero.
 
 See `evertwin.sync.arbiter.plausible_loop` for the tuples of arrays.
 """
