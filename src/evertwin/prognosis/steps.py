@@ -83,8 +83,8 @@ class Step(NamedTuple):
 
     @property
     def returns(self) -> bool:
-        """Does it take the level no further than it was before?"""
-        return self.after <= self.highest + self.scattered
+        """Does it undo what the level once fell by, at the least half of it?"""
+        return self.highest - self.before >= 0.5 * self.size
 
     def in_another_unit(self, sign: float, unit: str) -> bool:
         """Is the new level what a change of unit makes of the old one, told in ``unit``?"""
