@@ -125,7 +125,11 @@ def check_steps(own: Indicator, name: str, lines: Sequence[int]) -> None:
         elif one.size > 0.0 and not one.returns and one.in_another_unit(sign, own.unit):
             units.append(one)
     for several, asked in (
-        (units, "is it in another unit, or was the part replaced? Correct the rows, or say so"),
+        (
+            units,
+            "is it in another unit, or was the part replaced? Correct the rows (delete those "
+            "of a stop), or say so",
+        ),
         (back, "was the part replaced there? Write replaced (adjusted: the level alone shifted)"),
     ):
         if several:

@@ -322,7 +322,10 @@ def learn(histories: Sequence[Indicator], past: Sequence[Indicator] = ()) -> Fle
     ways = [way for life, end in zip(lives, ends) if (way := _way(life, end)) is not None]
     if sum(bool(np.isfinite(way.end)) for way in ways) < 2:
         got = "; ".join(one.said for one in members) or "none"
-        raise UsageError(f"fleet: expected at least two lives that ended, got {got}")
+        raise UsageError(
+            "fleet: expected at least two lives that ended (beyond the limit in their newest rows, "
+            f"or said to have failed: --failed), got {got}"
+        )
     return Fleet.of(ways, members)
 
 
