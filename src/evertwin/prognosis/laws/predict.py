@@ -211,10 +211,15 @@ def beyond_for_good(indicator: Indicator) -> bool:
 
 
 def still_sound(indicator: Indicator) -> bool:
-    """Do most of the newest values lie this side of the limit, whatever laws say of their level?"""
+    """Do the newest value and most of the newest lie this side of the limit, whatever laws say?
+
+    Not where it is looked at later: the limit may have been passed since.
+    """
     life = indicator.since_replaced()
+    if not np.isfinite(life.value[-1]):
+        return False
     apart = life.distance()[np.isfinite(life.value)]
-    return not life.covariates and bool(np.median(apart[-2 * LASTING :]) > 0.0)
+    return not life.covariates and bool(min(apart[-1], np.median(apart[-LASTING:])) > 0.0)
 
 
 def held_back(indicator: Indicator) -> int:
