@@ -95,6 +95,20 @@ def test_like_machines_in_another_unit_are_asked_back(
             life_of_series(asked)
 
 
+@pytest.mark.parametrize("unit", ["%", "mm", "kNm"])
+def test_like_machines_with_a_unit_beside_one_without_are_read_as_written(
+    tmp_path: Path, unit: str
+) -> None:
+    heads = ("h,x", f"h,x [{unit}]")
+    fleet = tuple(
+        table(tmp_path / f"f{k}.csv", heads[k % 2], (1 + 0.1 * k) * np.arange(N), wear(k, 10.0))
+        for k in range(6)
+    )
+    asked = table(tmp_path / "u.csv", "h,x", range(N), wear(9, 5.0))
+    told = life_of_series(Series(asked, 10.0, fleet=fleet)).to_dict()["components"]["x"]
+    assert all(one["how"] == "limit" and one["age"] > 50.0 for one in told["fleet"])
+
+
 def test_a_recording_in_which_nothing_goes_one_way_tells_no_wear(tmp_path: Path) -> None:
     rng = np.random.default_rng(1)
     wind, oil = rng.normal(8.0, 2.0, N), rng.normal(50.0, 5.0, N)

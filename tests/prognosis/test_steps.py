@@ -168,3 +168,24 @@ def test_recorded_machines_are_not_asked_back(data_dir: Path) -> None:
             part = one.until(float(share) * len(one.at))
             check_steps(part, "h.csv", range(len(one.at)))
             assert shift_of(part) is None and back_of(part) is None
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("level", [0.01, 0.07])
+def test_a_machine_that_stood_still_goes_on(seed: int, level: float, tmp_path: Path) -> None:
+    rng = np.random.default_rng(seed)
+    shaking = 2.0 * np.exp(0.05 * rng.standard_normal(200)) * (1.0 + (np.arange(200) / 150.0) ** 6)
+    for stop in (40, 90, 150):
+        shaking[stop : stop + 12] = level * rng.uniform(0.5, 1.0, 12)
+    for rows in (100, 160, 200):
+        told = life_of_series(Series(written(tmp_path / "rms.csv", shaking[:rows]), 14.2))
+        assert not any("shifts" in note for note in told.notes)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_steep_begin_and_a_gap_are_no_replaced_part(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    at = np.r_[0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 60.0 + 10.0 * np.arange(20)]
+    falls = np.r_[900.0, 790.0, 680.0, 570.0, 460.0, 380.0, np.linspace(360.0, 150.0, 20)]
+    own = Indicator.of("R", "MOhm", Limit(5.0, "below"), at, falls + rng.normal(0.0, 4.0, 26))
+    check_steps(own, "r.csv", range(2, 28))

@@ -26,6 +26,9 @@ from evertwin.types import Vector
 
 FAR = 300.0
 """Ratio at which one of two numbers is taken for a slip."""
+SLIPS, NEARLY = (1e3, 1e5, 1e6), 0.05
+"""Factors that make of a value in a larger unit one like its neighbours, and by how much it may
+miss them beside their scatter."""
 FEW = 5
 """First values that tell on which side of the limit a life begins."""
 APART, YEARS = 10.0, 5.0
@@ -195,7 +198,12 @@ def check_values(table: Table, name: str, value: Vector, since: np.ndarray) -> N
             usual, here = float(np.median(np.abs(near))), abs(float(value[k]))
             if not (np.ptp(near) < 0.5 * usual and here > 0.0 and abs(here - usual) > usually):
                 continue  # they pass zero, or scatter as much: any value may follow
-            if here > FAR * usual or usual > FAR * here:
+            before = np.abs(value[own[:place]])
+            back = np.sum((0.5 * here < before) & (before < 2.0 * here)) >= FEW
+            room = 2.0 * float(np.ptp(near)) + NEARLY * usual
+            less = any(abs(here * factor - usual) <= room for factor in SLIPS)
+            # a machine that stands still shows anything near zero, and goes on as before
+            if (here > FAR * usual and not back) or (usual > FAR * here and less):
                 raise DataError(
                     f"{table.name}:{table.lines[k]}: {name}: expected a value of about "
                     f"{usual:.4g} as in the rows beside it, got {value[k]:.4g}: is it in another "

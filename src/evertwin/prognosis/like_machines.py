@@ -127,6 +127,10 @@ def _named(asked: Likes, file: Path) -> tuple[Indicator, str]:
     else:
         kept, table = History((), asked.clock, ()), read_table(file)
     rule = asked.rule if table is None else _rule(asked.rule, table)
+    taken = "" if rule is asked.rule else str(rule.column)
+    if table is not None and asked.own is not None:  # numbers as they are written, as its own are
+        written = (table.written.get(x, "") for x in (rule.column, rule.name, rule.parameter) if x)
+        rule = replace(rule, unit=next(filter(None, written), ""))
     known = series_of(rule, kept, table, file.parent, asked.parts)
     if table is not None and not known.by:
         _check_clock(table, asked.clock)
@@ -134,7 +138,6 @@ def _named(asked: Likes, file: Path) -> tuple[Indicator, str]:
     marks = found.maintenance
     if file in asked.failed and len(found.at) and found.failed is None:
         marks = (*marks, Maintenance(float(found.at[-1]), "failed", "by its file"))
-    taken = "" if rule is asked.rule else str(rule.column)
     return found.with_(name=file.name, maintenance=marks), taken
 
 

@@ -45,6 +45,8 @@ beyond the begin by so much it is rather another unit."""
 SURE, LIKE, BENT = 15.0, 2.5, 0.25
 """As `CLEAR` for a shift that is told; the ratio of its scatters; and the share of it by which its
 pace may move the level within the values that it is seen from."""
+WITHIN = 0.25
+"""Share of the range of the values before a step by which their line may leave it."""
 NEAR = 3
 """Rows about a mark that a step beside it belongs to."""
 FAR = 10.0
@@ -71,11 +73,18 @@ class Step(NamedTuple):
     """And after it."""
     bent: float
     """By how much the pace after it moves the level from what that before it would."""
+    highest: float = -np.inf
+    """Level that was there before: a machine that stood still goes on at it."""
 
     @property
     def size(self) -> float:
         """Towards the limit above 0."""
         return self.after - self.before
+
+    @property
+    def returns(self) -> bool:
+        """Does it undo what the level once fell by, at the least half of it?"""
+        return self.highest - self.before >= 0.5 * self.size
 
     def in_another_unit(self, sign: float, unit: str) -> bool:
         """Is the new level what a change of unit makes of the old one, told in ``unit``?"""
@@ -113,10 +122,14 @@ def check_steps(own: Indicator, name: str, lines: Sequence[int]) -> None:
         idle = 2.0 * up >= -one.size  # it comes and goes
         if -one.size >= BACK * way and undone >= UNDONE and not idle:
             (units if undone > BEYOND else back).append(one)
-        elif one.size > 0.0 and one.in_another_unit(sign, own.unit):
+        elif one.size > 0.0 and not one.returns and one.in_another_unit(sign, own.unit):
             units.append(one)
     for several, asked in (
-        (units, "is it in another unit, or was the part replaced? Correct the rows, or say so"),
+        (
+            units,
+            "is it in another unit, or was the part replaced? Correct the rows (delete those "
+            "of a stop), or say so",
+        ),
         (back, "was the part replaced there? Write replaced (adjusted: the level alone shifted)"),
     ):
         if several:
@@ -133,7 +146,7 @@ def check_steps(own: Indicator, name: str, lines: Sequence[int]) -> None:
 def shift_of(own: Indicator) -> Step | None:
     """The one step towards the limit after which wear goes on at its pace; None without."""
     for share in (SHARE, LESS):
-        found = [one for one in steps(own, share) if one.size > 0.0]
+        found = [one for one in steps(own, share) if one.size > 0.0 and not one.returns]
         if found:
             return found[0] if len(found) == 1 and _goes_on(found[0], share) else None
     return None
@@ -189,7 +202,7 @@ def steps(own: Indicator, share: float = SHARE) -> tuple[Step, ...]:
         if not said and min(k - first, last - k) >= FEW:
             one = _step(at[first:last], y[first:last], k - first, int(rows[k]))
             if abs(one.size) >= max(least, CLEAR * max(one.scatter, one.scattered)):
-                found.append(one)
+                found.append(one._replace(highest=float(level[: k - FEW + 1].max())))
     return tuple(found)
 
 
@@ -197,7 +210,9 @@ def _step(at: Vector, y: Vector, k: int, row: int) -> Step:
     """The step before value ``k``, by the lines on both sides."""
     old, before = steady(at[:k], y[:k])
     new, end = steady(at[k:], y[k:])
+    room = WITHIN * float(np.ptp(y[:k]))  # over a gap a line leaves all that was seen
     before += old * float(at[k] - at[k - 1])
+    before = float(np.clip(before, y[:k].min() - room, y[:k].max() + room))
     after = end - new * float(at[-1] - at[k])
     span = min(float(at[-1] - at[k]), float(at[k - 1] - at[0]))
     lines = (y[:k] - old * at[:k], y[k:] - new * at[k:])

@@ -60,3 +60,7 @@ def test_means_over_a_swing_keep_the_moment_they_are_seen_from() -> None:
     assert len(calm.at) < 25 and calm.at[-1] == 30.0 and calm.origin == 0.0
     trend = calm.value[:-1] - calm.at[:-1] / DAYS
     assert np.abs(trend).max() < 0.01
+
+
+def test_what_never_changes_does_not_swing() -> None:
+    assert period_of(np.full(240, 50.0)) == 0

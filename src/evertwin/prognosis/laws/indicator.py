@@ -118,6 +118,8 @@ class Indicator:
     """What may surprise in how the series was read."""
     calendar: Calendar | None = None
     """Where ``at`` counts from 1970: moments are told as dates."""
+    ratio: bool = False
+    """Are values and limit logarithms, and differences told as factors?"""
 
     @classmethod
     def of(
@@ -131,6 +133,8 @@ class Indicator:
 
     def shown(self, value: float) -> str:
         """A value with its unit, as it is told; a plain number stands alone."""
+        if self.ratio:
+            return f"a factor of {np.exp(value):.4g}"
         return f"{value:.4g}" if self.unit == "1" else f"{value:.4g} {self.unit}"
 
     def moment(self, at: float) -> str:

@@ -44,6 +44,7 @@ from evertwin.prognosis.laws.life import LEVELS, Life, NotEnough, Onset, Workloa
 from evertwin.prognosis.laws.likeness import at_some_age, by_chance
 from evertwin.prognosis.laws.mixture import COARSE, fine_nodes, mixture, never
 from evertwin.prognosis.laws.onset import SHARE, find_onset
+from evertwin.prognosis.laws.proportional import by_share
 from evertwin.prognosis.laws.scaled import Problem, noise_of, scaled, steady
 from evertwin.prognosis.laws.swing import without_swing
 from evertwin.prognosis.laws.way import LEAST, Way, way_of
@@ -92,14 +93,15 @@ def _predicted(
     if isinstance(problem, str):
         return NotEnough(problem)
     even = by_time(indicator)
-    onset = find_onset(even if fleet is None else towards_end(even, fleet))
+    even = by_share(even if fleet is None else towards_end(even, fleet))
+    onset = find_onset(even)
     way = None if fleet is None else way_of(indicator)
     if beyond_for_good(indicator) or (way is not None and way.level[-1] >= 0.0):
         found: Life | NotEnough = over(indicator, problem)
     elif fleet is not None and way is not None:
         told = fleet.told_of(way)
         by_age = fleet.by_age(way) if onset is None else None
-        own, _ = alone(towards_end(even, fleet), laws, onset)
+        own, _ = alone(even, laws, onset)
         own_ends = own.remaining if isinstance(own, Life) else at_some_age(problem.age)
         found = Life(
             indicator.clock, by_chance(told.remaining, own_ends, told.other), problem.now,
@@ -185,7 +187,7 @@ def by_laws(indicator: Indicator, problem: Problem, laws: Sequence[str] = LAWS) 
     if not looks:
         return NotEnough(f"values that one of the laws {', '.join(laws)} allows")
     rough = mixture(problem, looks, COARSE)
-    if rough.passed > 0.5 or beyond_for_good(indicator):
+    if (rough.passed > 0.5 and not still_sound(indicator)) or beyond_for_good(indicator):
         return over(indicator, problem)
     looks = sharpened(problem, looks, rough.share)
     found = mixture(problem, looks, fine_nodes(rough.cdf))
@@ -206,6 +208,18 @@ def beyond_for_good(indicator: Indicator) -> bool:
         return False
     apart = life.distance()[np.isfinite(life.value)]
     return len(apart) >= LASTING and bool(np.all(apart[-LASTING:] <= 0.0))
+
+
+def still_sound(indicator: Indicator) -> bool:
+    """Do the newest value and most of the newest lie this side of the limit, whatever laws say?
+
+    Not where it is looked at later: the limit may have been passed since.
+    """
+    life = indicator.since_replaced()
+    if not np.isfinite(life.value[-1]):
+        return False
+    apart = life.distance()[np.isfinite(life.value)]
+    return not life.covariates and bool(min(apart[-1], np.median(apart[-LASTING:])) > 0.0)
 
 
 def held_back(indicator: Indicator) -> int:
@@ -313,7 +327,10 @@ def learn(histories: Sequence[Indicator], past: Sequence[Indicator] = ()) -> Fle
     ways = [way for life, end in zip(lives, ends) if (way := _way(life, end)) is not None]
     if sum(bool(np.isfinite(way.end)) for way in ways) < 2:
         got = "; ".join(one.said for one in members) or "none"
-        raise UsageError(f"fleet: expected at least two lives that ended, got {got}")
+        raise UsageError(
+            "fleet: expected at least two lives that ended (beyond the limit in their newest rows, "
+            f"or said to have failed: --failed), got {got}"
+        )
     return Fleet.of(ways, members)
 
 

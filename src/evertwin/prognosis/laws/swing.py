@@ -65,7 +65,7 @@ def period_of(y: Vector) -> int:
     far = np.array([_typical(y, int(h)) for h in lags])
     for k in range(1, int(np.searchsorted(lags, most / LASTS, side="right"))):
         if far[k + 1 :].max() <= SAME * far[k]:
-            grown = far[k] >= (GROWN + CHANCE / np.sqrt(len(y))) * far[0]
+            grown = far[k] > (GROWN + CHANCE / np.sqrt(len(y))) * far[0]
             return round(PERIOD * float(lags[k])) if grown else 0
     return 0
 
