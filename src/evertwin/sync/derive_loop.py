@@ -39,8 +39,8 @@ HELD_INPUT, LINE_INPUT, STEP_INPUT, OUTPUT = range(4)
 newest before the interval, an output."""
 OK, ABSENT, HELD, UNSEEN, ERROR = 0, 1, 2, 3, 6
 BEGINS, ENDS, LEAPS, THAWS, SCALED = 1, 2, 3, 4, 5
-"""The first row that was wrong; the first that is right again; one up to which it leapt; the first
-behind frozen ones; the first in another unit."""
+"""The first row that was wrong; that is right again; up to which it leapt; behind frozen ones; in
+another unit."""
 
 Counters = Int64[np.ndarray, " counters"]
 
@@ -118,8 +118,7 @@ class Room(NamedTuple):
     gap: Bools
     wrong: UInt8[np.ndarray, "n ops"]
     """Of what goes steadily: `BEGINS`, or one of its likes."""
-    times: Float64[np.ndarray, "n ops"]
-    """How many times it is what it was, where that begins."""
+    times: Float64[np.ndarray, "n ops"]  # it is what it was, where that begins
 
 
 @njit(cache=True, error_model="numpy")
@@ -329,9 +328,8 @@ def emit(program: Program, ring: Lines, memory: Memory, counters: Counters, room
             was = before >= 0 and ring.mark[before, raw + k] == ERROR
             if now >= LEAPT:
                 room.wrong[at, k] = LEAPS + now - LEAPT
-            if now == RESCALED:
                 room.times[at, k] = ring.v[place, raw + k] / ring.v[before, raw + k]
-            elif now < LEAPT and was != (now == ERROR):
+            elif was != (now == ERROR):
                 room.wrong[at, k] = ENDS if was else BEGINS
     stamp = ring.t[place]
     room.number[at], room.t[at], room.task[at] = counters[ROW], stamp, counters[TASK]
