@@ -17,6 +17,8 @@ from evertwin.models import FunctionModel, Parameters
 from evertwin.models.translated import translated
 from evertwin.setup.setup import Setup
 from evertwin.signals import Layout
+from evertwin.sources.spec import ChannelSpec, SourceSpec
+from evertwin.sync.spec import DeriveSpec
 from evertwin.tuning import Problem, solve
 from evertwin.types import ParameterVector, Vector
 from planted.draws import first_of
@@ -110,3 +112,29 @@ def test_an_offset_is_as_sure_as_the_numbers_beside_it(seed: int) -> None:
     size, half = (float(one) for one in re.findall(r"looks off by \+(\S+) ± (\S+) K", said)[0])
     assert abs(size - 1.5) <= 1.3 * half and half < 0.4
     assert "an offset or a scale of its sensor" in said and "cannot be told while T stays" in said
+
+
+@pytest.mark.parametrize("derived", [False, True])
+def test_what_is_derived_has_no_offset(derived: bool) -> None:
+    """A force by place and speed; from AT on the speed reads 3 rad/s too much."""
+    rng, t = np.random.default_rng(0), np.arange(ROWS) * DT
+    q, qd = 0.1 * np.sin(0.8 * t), 0.08 * np.cos(0.8 * t)
+    y = 2.0 * qd + q + rng.normal(0.0, 1e-3, ROWS)
+    model = translated(FunctionModel(
+        lambda x, u, dt, p: ([], [p[0] * u[1] + u[0]]), Layout.of(q="rad", qd="rad/s"),
+        Layout.of(tau="Nm"), Layout(), Parameters.of(k=(2.0, "Nms/rad")),
+    ))  # fmt: skip
+    read = np.stack([q, qd + 3.0 * (np.arange(ROWS) >= AT)], axis=1)
+    windows: Windows = (make_block(t=(t * 1e9).astype(int), u=read, y=y[:, None]),)
+
+    def pose(windows: Windows) -> Problem:
+        return Problem(model, windows)
+
+    speed = (DeriveSpec(name="qd", op="derivative", source=("q",)),) if derived else ()
+    log = SourceSpec("log", channels={"q": ChannelSpec("q", unit="rad")})
+    spec = TwinSpec(
+        "axis", ModelSpec("python"), source=(log,), anomaly=AnomalySpec(0.05), derive=speed
+    )
+    new = pose(split(windows, AT)[1])
+    found = offset(Rows(Setup(spec, model), pose, windows, new, solve(new), solve, begins=AT))
+    assert ("qd looks off by" in (found.said if found else "")) != derived

@@ -86,10 +86,51 @@ def test_what_leaps_and_goes_on_is_told_and_has_no_speed_of_that() -> None:
         assert np.abs(found.u[:, 1]).max() < 3.0 * np.abs(np.diff(q)).max() * RATE
 
 
+def frozen(seed: int) -> tuple[np.ndarray, np.ndarray, int]:
+    """An axis that swings; one of which the encoder stands for a second or more; the row at which
+    it is back, far away."""
+    rng, t = np.random.default_rng(seed), np.arange(N) / RATE
+    q = np.sin(rng.uniform(0.8, 2.0) * t + rng.uniform(0.0, 6.0))
+    q = 1e-5 * np.round((q + 10.0 ** rng.uniform(-6, -4) * rng.normal(size=N)) / 1e-5)
+    far = [k for k in range(700, 1500) if abs(q[k] - q[550]) > 0.5 and abs(q[k + 4] - q[k]) > 0.02]
+    back = int(rng.choice(far))
+    stood = q.copy()
+    stood[550:back] = q[550]
+    return q, stood, back
+
+
+def test_what_was_frozen_and_is_back_is_where_it_is() -> None:
+    for seed in range(60):
+        q, stood, back = frozen(seed)
+        found, told = folded(stood)
+        assert [(e.kind, e.row) for e in told] == [("measurement_restored", back)]
+        np.testing.assert_array_equal(found.u[:, 0], stood)
+        assert np.abs(found.u[:, 1]).max() < 2.0 * np.abs(np.diff(q)).max() * RATE
+        assert (found.mark[back - 1 : back + 2, 1] > 2).all()
+
+
+@pytest.mark.parametrize("number", [np.pi / 180.0, -0.1, 180.0 / np.pi])
+def test_what_changes_its_unit_keeps_its_zero(number: float) -> None:
+    for seed in range(60):
+        q, _, at = frozen(seed)
+        if abs(q[at]) < 0.3 or abs(q[at + 3] - q[at]) < 0.02:  # it hardly leaps, or moves
+            continue
+        back = at + 200
+        other = np.r_[q[:at], number * q[at:back], q[back:]]
+        left, told = folded(other)
+        assert (told[0].kind, told[0].row) == ("measurement_error", at)
+        assert "unit" in told[0].reason and told[0].evidence["open"]
+        np.testing.assert_array_equal(left.u[:, 0], other)
+        again = abs(q[back]) > 0.3
+        assert not again or [e.row for e in told[1:]] == [back]
+
+
 def test_it_cannot_matter_where_rows_are_cut(run_as: Callable[[str], None]) -> None:
     q = drawn(3)
     q[700:702] += 9.0
     q[1200:] -= 4.0
+    q[1500:1600] = q[1500]
+    q[1600:] = frozen(3)[0][1600:] + q[1500]
     rng = np.random.default_rng(0)
     whole = folded(q)
     for _ in range(20):

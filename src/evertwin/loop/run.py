@@ -32,7 +32,7 @@ from evertwin.loop.driver import Driver
 from evertwin.loop.observer import Observer
 from evertwin.loop.retold import Retold
 from evertwin.outcome.headline import first_of_rows
-from evertwin.outcome.open_faults import KINDS
+from evertwin.outcome.open_faults import KINDS, open_faults
 from evertwin.outcome.result import RunResult
 from evertwin.outcome.unperceived import unperceived
 from evertwin.rows.feed import ALONE, Data, Feed
@@ -158,7 +158,8 @@ class Run:
             for event in had.events
             if event.kind in (*OF_ROWS, *KINDS) and event.row >= place.offset
         ]
-        said = first_of_rows(" ".join((*unperceived(aligned), result.headline)), had.left_out)
+        first = (*open_faults(aligned).values(), *unperceived(aligned))
+        said = first_of_rows(" ".join((*first, result.headline)), had.left_out)
         events = tuple(sorted((*aligned, *result.events), key=lambda event: event.row))
         return replace(
             result,

@@ -28,6 +28,7 @@ from evertwin.gauges.rows.unlike import changes
 from evertwin.gauges.shifts.constant import BLOCKS, SIDES, Constant, beside, left_with
 from evertwin.gauges.shifts.input_shift import of_inputs, shifted_inputs
 from evertwin.gauges.shifts.off_by import Column
+from evertwin.rows.channels import measured
 from evertwin.rows.ring import called
 from evertwin.signals import Channel, wrap
 from evertwin.types import Bools, Outputs, ParameterVector, Vector
@@ -67,8 +68,8 @@ def offset(rows: Rows) -> SensorChange | None:
         TooFew: an output leapt, and rows are too few to tell.
     """
     nu = len(rows.setup.model.inputs)
-    for k in range(nu):
-        place = _jump(rows, k)
+    for (k, *_), _ in measured(rows.setup.spec, rows.setup.model.inputs).values():
+        place = _jump(rows, k)  # what is derived has no offset of its own
         found = _constant(replace(rows, begins=place), ((k, False),)) if place else None
         if found is not None:
             return found

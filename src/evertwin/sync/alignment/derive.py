@@ -64,6 +64,15 @@ SAYS = {
         "went far faster than ever from one row to the next, and goes on from there: its zero "
         "moved, which is taken away",
     ),
+    loop.THAWS: (
+        "measurement_restored",
+        "went on at once from far away: what was wrong until then, frozen or in another unit, is "
+        "over",
+    ),
+    loop.SCALED: (
+        "measurement_error",
+        "place and speed are {:.3g} times what they were one row before, as in another unit",
+    ),
 }
 """Kind and reason of an event."""
 
@@ -268,14 +277,19 @@ class Derive:
         )  # fmt: skip
         if not left:
             return state, None, ()
-        return state, Rows(*(column[:left] for column in room[:-1])), self._told(room, left)
+        return state, Rows(*(column[:left] for column in room[:-2])), self._told(room, left)
 
     def _told(self, room: loop.Room, left: int) -> tuple[Event, ...]:
         """Of what goes steadily: where it was wrong, and right again."""
         return tuple(
-            Event(int(room.number[row]), int(room.t[row]), kind, self.operations[k].name, reason)
+            Event(
+                int(room.number[row]), int(room.t[row]), kind, self.operations[k].name,
+                reason.format(room.times[row, k]),
+                {"onset": int(room.number[row]), "open": True} if code == loop.SCALED else {},
+            )
             for row, k in np.argwhere(room.wrong[:left]).tolist()
-            for kind, reason in (SAYS[int(room.wrong[row, k])],)
+            for code in (int(room.wrong[row, k]),)
+            for kind, reason in (SAYS[code],)
         )  # fmt: skip
 
     def _room(self, n: int) -> loop.Room:
@@ -284,4 +298,5 @@ class Derive:
             np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n), np.empty((n, nu)),
             np.empty((n, ny)), np.empty((n, nu + ny), np.uint8), np.empty(n, np.int64),
             np.empty(n, np.bool_), np.zeros((n, len(self.operations)), np.uint8),
+            np.zeros((n, len(self.operations))),
         )  # fmt: skip

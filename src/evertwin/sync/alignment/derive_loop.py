@@ -13,7 +13,7 @@ import numpy as np
 
 from evertwin.compiled.functions import njit
 from evertwin.sync.alignment.running_loop import lagging, unwrapped
-from evertwin.sync.alignment.steady_loop import LEAPT, steadily
+from evertwin.sync.alignment.steady_loop import BACK, LEAPT, RESCALED, steadily
 from evertwin.sync.horizon.horizon_loop import wrapped
 from evertwin.types import (
     Bools,
@@ -38,8 +38,9 @@ HELD_INPUT, LINE_INPUT, STEP_INPUT, OUTPUT = range(4)
 """How a column becomes a channel of the model: as it is and held already, measured at the row, the
 newest before the interval, an output."""
 OK, ABSENT, HELD, UNSEEN, ERROR = 0, 1, 2, 3, 6
-BEGINS, ENDS, LEAPS = 1, 2, 3
-"""The first row that was wrong; the first that is right again; one up to which it leapt."""
+BEGINS, ENDS, LEAPS, THAWS, SCALED = 1, 2, 3, 4, 5
+"""The first row that was wrong; that is right again; up to which it leapt; behind frozen ones; in
+another unit."""
 
 Counters = Int64[np.ndarray, " counters"]
 
@@ -94,7 +95,8 @@ class Memory(NamedTuple):
     sums: Float64[np.ndarray, "ops six"]
     """Of a way: is a pose known?, x, y, heading, way so far, way along the heading. Of an angle
     without wraps: is it known?, the newest. Of what goes steadily: rows at which it moved, its
-    highest speed, rows that are wrong still, what it has leapt by."""
+    highest speed, rows that are wrong still, what it has leapt by, how long it stood [s],
+    how many times it is what it was (0: once)."""
     newest: Float64[np.ndarray, " channels"]
     """Newest known value of each channel."""
 
@@ -115,17 +117,20 @@ class Room(NamedTuple):
     task: Tasks
     gap: Bools
     wrong: UInt8[np.ndarray, "n ops"]
-    """`BEGINS`, `ENDS` or `LEAPS`, of what goes steadily."""
+    """Of what goes steadily: `BEGINS`, or one of its likes."""
+    times: Float64[np.ndarray, "n ops"]  # it is what it was, where that begins
 
 
 @njit(cache=True, error_model="numpy")
 def difference(ring: Lines, base: int, c: int, j: int, n: int) -> float:
-    """Central difference at row j, one-sided at the ends."""
+    """Central difference at row j, one-sided at the ends, and where it was frozen before."""
     depth = ring.t.shape[0]
     if n < 2:
         return np.nan
     at = (base + j) % depth
     before, after = (base + max(j - 1, 0)) % depth, (base + min(j + 1, n - 1)) % depth
+    before = at if BACK <= ring.mark[at, c] <= RESCALED else before
+    after = at if BACK <= ring.mark[after, c] <= RESCALED else after
     left, right = (ring.t[at] - ring.t[before]) * 1e-9, (ring.t[after] - ring.t[at]) * 1e-9
     low, here, high = ring.v[before, c], ring.v[at, c], ring.v[after, c]
     if left == 0.0:
@@ -321,8 +326,9 @@ def emit(program: Program, ring: Lines, memory: Memory, counters: Counters, room
         if program.code[k] == STEADY:
             now = ring.mark[place, raw + k]
             was = before >= 0 and ring.mark[before, raw + k] == ERROR
-            if now == LEAPT:
-                room.wrong[at, k] = LEAPS
+            if now >= LEAPT:
+                room.wrong[at, k] = LEAPS + now - LEAPT
+                room.times[at, k] = ring.v[place, raw + k] / ring.v[before, raw + k]
             elif was != (now == ERROR):
                 room.wrong[at, k] = ENDS if was else BEGINS
     stamp = ring.t[place]

@@ -2,7 +2,8 @@
 
 What it does from one row to the next is compared with the fastest that it ever did. Rows that leave
 it far faster and come back as fast are wrong: they are taken from their neighbours. Where it goes
-on from there as it ever went, its zero moved.
+on from there as it ever went, its zero moved; where it stood still before, and moves at once, it
+was frozen, and is back; where place and speed are so many times what they were, its unit changed.
 """
 
 from __future__ import annotations
@@ -20,8 +21,15 @@ if TYPE_CHECKING:
 KNOWN, FAR, NEAR, LONGEST = 50, 4.0, 1.5, 3
 """Of what goes steadily: rows at which it moved before it is known how fast it does, times of that
 from which a step is none of its own, times within which it is back, and rows that may be wrong."""
-LEAPT = 7
-"""Mark of a row up to which what goes steadily leapt."""
+LEAPT, BACK, RESCALED = 7, 8, 9
+"""Mark of a row up to which what goes steadily leapt; at which it is back; from which on it is in
+another unit."""
+TWICE, EXACT, CLEARLY, SLOW = 2.0, 0.1, 0.3, 0.02
+"""Times that two units differ at least; share by which what is back is; part of the fastest speed,
+and of the change of speed that a moved zero leaves, that another unit leaves at most; part of the
+fastest below which it stands."""
+DEGREES, SAME = 57.29577951308232, 1e-3
+"""Of a radian, and the share by which a place is known."""
 OK, ERROR = 0, 6
 
 
@@ -58,6 +66,50 @@ def astray(ring: Lines, at: int, c: int, last: float, rows: int, fastest: float)
 
 
 @njit(cache=True, error_model="numpy")
+def thaws(ring: Lines, at: int, c: int, leap: float, most: float) -> bool:
+    """Did a ``leap`` to place ``at`` go no farther than ``most``, as far as it can have gone while
+    it stood, and does it go on one way at each row from there?"""
+    depth = ring.t.shape[0]
+    way = ring.v[(at + 1) % depth, c] - ring.v[at, c]
+    for m in range(at, at + LONGEST):
+        if not way * (ring.v[(m + 1) % depth, c] - ring.v[m % depth, c]) > 0.0:
+            return False
+    return abs(leap) <= most
+
+
+@njit(cache=True, error_model="numpy")
+def rescaled(
+    ring: Lines, at: int, c: int, own: int, last: float, known: tuple[float, float]
+) -> float:
+    """How many times place and speed at place ``at`` are what they were, where it leapt there and
+    the number is the same; 0: it is not.
+
+    Args:
+        own: column that tells of the rows before; see `astray`.
+        known: the fastest that it ever went, and how many times it already is what it was (0:
+            once). Of what is back the place is enough, or a speed far above those since.
+    """
+    depth, (fastest, since) = ring.t.shape[0], known
+    before, first, end = (at - 1) % depth, (at - 1 - LONGEST) % depth, (at + LONGEST) % depth
+    away = abs(speed(ring, before, last, at, ring.v[at, c]))
+    if 0.0 < abs(since) < 1.0 and away > FAR * abs(since) * fastest:
+        return 1.0 / since
+    if not away > FAR * fastest:
+        return 0.0
+    came = speed(ring, first, ring.v[first, own], before, ring.v[before, own])
+    goes = speed(ring, at, ring.v[at, c], end, ring.v[end, c])
+    number = ring.v[at, c] / (last + came * (ring.t[at] - ring.t[before]) * 1e-9)
+    if since != 0.0:
+        return number if abs(number * since - 1.0) < EXACT else 0.0
+    if abs(came) + abs(goes) <= SLOW * fastest:  # of what stands the place has to say it all
+        unit = min(abs(number * DEGREES - 1.0), abs(number / DEGREES - 1.0)) < SAME
+        return number if unit else 0.0
+    off = abs(goes - number * came)
+    near = off <= CLEARLY * min(abs(number) * fastest, abs(goes - came))
+    return number if near and not 1.0 / TWICE < number < TWICE else 0.0
+
+
+@njit(cache=True, error_model="numpy")
 def steadily(
     ring: Lines, base: int, c: int, own: int, j: int, n: int, sums: Vector
 ) -> tuple[float, int]:
@@ -67,11 +119,25 @@ def steadily(
     at, before = (base + j) % depth, (base + j - 1) % depth
     value = ring.v[at, c]
     if j == 0:
-        sums[2], sums[3] = 0.0, 0.0
+        sums[2:6] = 0.0
         return value, OK
     last, passed = ring.v[before, own] + sums[3], (ring.t[at] - ring.t[before]) * 1e-9
     if sums[2] == 0.0 and sums[0] >= KNOWN:
-        rows = astray(ring, at, c, last, n - j, sums[1])
+        rows = 0
+        if sums[5] == 0.0:
+            rows = astray(ring, at, c, last, n - j, sums[1])
+        if rows <= 0 and LONGEST < j < n - LONGEST:
+            number = rescaled(ring, at, c, own, last, (sums[1], sums[5]))
+            if number != 0.0:
+                mark = RESCALED if sums[5] == 0.0 else BACK
+                sums[3], sums[5] = 0.0, number if mark == RESCALED else 0.0
+                return value, mark
+        if sums[5] != 0.0:
+            return value, OK  # the twin asks what it is
+        most = NEAR * sums[1] * (sums[4] + passed)
+        if rows < 0 and sums[4] > 0.0 and thaws(ring, at, c, value - last, most):
+            sums[4] = 0.0
+            return value - sums[3], BACK
         if rows < 0:
             behind = (at + 1) % depth
             went = last + speed(ring, at, value, behind, ring.v[behind, c]) * passed
@@ -84,6 +150,7 @@ def steadily(
         slope = speed(ring, before, last, behind, ring.v[behind, c])
         return last + slope * passed - sums[3], ERROR
     went = abs(speed(ring, before, last, at, value))
+    sums[4] = sums[4] + passed if went == 0.0 else 0.0
     if went > 0.0 and went < np.inf:
         sums[1] = max(sums[1], went if sums[0] < KNOWN else min(went, 2.0 * sums[1]))
         sums[0] += 1.0
