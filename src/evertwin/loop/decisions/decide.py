@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from evertwin.fold import Answer, Event, Request
+from evertwin.loop.decisions import succession
 from evertwin.loop.decisions.contradictions import told
 from evertwin.loop.decisions.crossing import outside
 from evertwin.loop.decisions.decision import Decision
@@ -26,14 +27,6 @@ from evertwin.loop.decisions.heeding import heed
 from evertwin.loop.decisions.in_stream import tell_followed
 from evertwin.loop.decisions.looking import adopted, in_vain, looks, returned
 from evertwin.loop.decisions.requirement import deviates, foreseen, heard, rises, unexplained
-from evertwin.loop.decisions.succession import (
-    clears,
-    driven,
-    in_doubt,
-    makes_room,
-    opening,
-    to_blame,
-)
 from evertwin.loop.decisions.unanswered import unanswered
 from evertwin.models.form import Form
 from evertwin.refit.answers.states import tried
@@ -158,8 +151,9 @@ class Decide:
             last = last and state.row >= agenda.hold  # it is asked for now, or at a later beat
             again = 0 if last or reason == "" else again
             held = reason == ""
-            if held and agenda.doubt and driven(setup, decision.state.ring):
-                clears(decision, f"over {setup.enough} rows the live version is as near as it was")
+            if held and agenda.doubt and succession.driven(setup, decision.state.ring):
+                why = f"over {setup.enough} rows the live version is as near as it was"
+                succession.clears(decision, why)
             # what was learned before a change fits again: the change is over, and so are its rows
             learned = self.follow.versions[state.live.version].row
             past = held and agenda.told and learned < agenda.since
@@ -171,7 +165,7 @@ class Decide:
         every = state.elapsed - agenda.fitted >= setup.schedule
         due = every or again > 0 or last
         if reason or alarm.kind or due or retells(state):
-            makes_room(setup, decision)
+            succession.makes_room(setup, decision)
         free = self._free(decision.state, bool(reason or alarm.kind or state.agenda.risen), every)
         if reason is None and not alarm.kind:
             early, signal, evidence = foreseen(setup, state)
@@ -282,7 +276,8 @@ class Decide:
         if answer.id != agenda.open or answer.version != decision.state.live.version:
             return
         setup, on_trial = self.follow.setup, decision.state.other.version
-        content: Any = in_doubt(decision, setup, to_blame(decision, answer.content))
+        blamed = succession.to_blame(decision, answer.content)
+        content: Any = succession.in_doubt(decision, setup, blamed)
         # what has changed is asked about again, of whatever else the deviation was told
         again = max(agenda.again, int(content.get("changed", 0)))
         waits = again > 0 and ("waits" in content or agenda.kind in ("state", "refine"))
@@ -327,7 +322,7 @@ class Decide:
             busy = follow.versions[state.other.version].row >= state.agenda.since  # of this machine
         if busy and "brief" not in candidate:
             return  # of a scheduled fit the numbers are kept
-        begins = opening(follow, state, candidate)
+        begins = succession.opening(follow, state, candidate)
         if begins.said:
             decision.say("superseded", "", begins.said, begins.evidence)
         former = candidate.get("version")

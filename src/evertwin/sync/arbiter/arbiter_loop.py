@@ -264,8 +264,7 @@ def judge(case: Case, g: int, size: int, now: Any, phase: int, teaches: bool) ->
     if ratio > 1.0:
         mark_onset(values, numbers, case.sample, g, size)
         if cause in (NONE, RATE):
-            named = doubted(case.settings, case.memory, case.sample, g, size)
-            cause = named if named > 0 else cause
+            cause = doubted(case.settings, case.memory, case.sample, g, size) or cause
     for k in range(size):
         values[room[k], at.LAST] = y[room[k]]
     numbers[g, at.LAST_AT] = now[1]
