@@ -167,11 +167,10 @@ class Decide:
         if reason or alarm.kind or due or retells(state):
             succession.makes_room(setup, decision)
         free = self._free(decision.state, bool(reason or alarm.kind or state.agenda.risen), every)
+        early = reason or ""
         if reason is None and not alarm.kind:
             early, signal, evidence = foreseen(setup, state)
             decision.remember(told=state.agenda.told or bool(early))
-        else:
-            early = reason or ""
         if early and not state.agenda.told:
             decision.say("suspected", signal, early, evidence)
         elif alarm.kind and not state.agenda.told:
