@@ -78,6 +78,18 @@ class Notes(NamedTuple):
         return cls(found, detail, np.zeros(1, dtype=np.int64))
 
 
+class OffByFactor(NamedTuple):
+    """Groups of outputs that are taken for off by a factor.
+
+    >>> OffByFactor(np.array([0]), 300).since
+    300
+    """
+
+    groups: Int64[np.ndarray, " k"]
+    since: int
+    """The first row of it."""
+
+
 class TrackState(NamedTuple):
     """State of `Track`.
 
@@ -139,6 +151,31 @@ class TrackState(NamedTuple):
         """Is an input taken divided by a factor that was told of?"""
         told = (self.ranges[:, at.BY] != 0.0) & (self.beliefs[:, at.SAID] == 1)
         return bool((told & (self.beliefs[:, at.DOUBTED] > 0)).any())
+
+    @property
+    def scaled(self) -> bool:
+        """Is an output taken for off by a factor that was told of?"""
+        return len(self.off_by_factor().groups) > 0
+
+    def off_by_factor(self) -> OffByFactor:
+        """Groups whose open fault is a factor that was told of, and the first row of it."""
+        now = (self.numbers[:, at.CAUSE] == at.Cause.FACTOR) & (self.numbers[:, at.TOLD] > 0)
+        groups = np.flatnonzero(now)
+        return OffByFactor(groups, int(self.numbers[groups, at.ONSET].min(initial=2**62)))
+
+    def begin_anew(self, groups: Int64[np.ndarray, " k"]) -> None:
+        """Nothing is open of these groups: their next sample is adopted as it is. In place."""
+        places = (
+            at.STARTED,
+            at.CAUSE,
+            at.FAULTS,
+            at.TOLD,
+            at.CONTEST,
+            at.BATCH,
+            at.FREE,
+            at.AT_END,
+        )
+        self.numbers[groups[:, None], places] = 0
 
     @property
     def resets(self) -> Int64[np.ndarray, " ng"]:

@@ -16,6 +16,7 @@ import numpy as np
 
 from evertwin.fold import Answer, Event, Request
 from evertwin.loop.decisions import succession
+from evertwin.loop.decisions.as_recorded import taken_as_recorded
 from evertwin.loop.decisions.contradictions import told
 from evertwin.loop.decisions.crossing import outside
 from evertwin.loop.decisions.decision import Decision
@@ -76,13 +77,12 @@ class Decide:
             self._judge_probation(decision)
         if not veto:
             recovered(decision, self.follow)
-        if contradicted:
-            pass  # of rows that contradict each other nothing is asked
-        elif veto:
-            self._look(decision, looks(self.follow.setup, decision.state, lasts=True))
-        else:
+            taken_as_recorded(decision, self.follow)
+        if not veto:
             self._cross(decision)
             self._watch(decision, task_end)
+        elif not contradicted:  # of rows that contradict each other nothing is asked
+            self._look(decision, looks(self.follow.setup, decision.state, lasts=True))
         return decision.state, decision.events, decision.requests
 
     def quiet(self, state: TwinState) -> bool:
@@ -94,7 +94,7 @@ class Decide:
         idle = idle and holds and agenda.retell <= 0
         idle = idle and not setup.spec.tuning.states and state.stream == ()
         calm = not setup.external.on(state.external) and not state.still.said.any()
-        calm = calm and setup.kinematics.since(state.kinematics) < 0
+        calm = calm and setup.kinematics.since(state.kinematics) < 0 and not state.live.track.scaled
         return idle and calm and setup.detect.quiet(state.detect) and self.follow.here(state)
 
     def watches(self, state: TwinState) -> bool:

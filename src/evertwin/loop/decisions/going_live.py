@@ -84,7 +84,7 @@ def _nearest(follow: Follow, state: TwinState, since: int) -> int:
     if share[first] <= NEARLY * share[best]:
         best = first
     nearer = min((share[k] for k in tried - once), default=np.inf)
-    if share[best] > NEARLY * nearer or not _within(setup, off[best], windows):
+    if share[best] > NEARLY * nearer or not within(setup, off[best], windows):
         return -1
     return best
 
@@ -98,10 +98,10 @@ def _held(follow: Follow, state: TwinState) -> bool:
         for span in ((0, version.row), (version.row, state.row))
     )
     model = follow.versions.model(version.number)
-    return bool(windows) and _within(setup, left(setup, model, version.p, windows, past), windows)
+    return bool(windows) and within(setup, left(setup, model, version.p, windows, past), windows)
 
 
-def _within(setup: Setup, off: PerOutput, windows: Sequence[Block]) -> bool:
+def within(setup: Setup, off: PerOutput, windows: Sequence[Block]) -> bool:
     """Is what is left, (ny,), within what is asked of each watched output?"""
     size = setup.sizes(np.concatenate([one.y for one in windows]))
     return bool((np.nan_to_num(off / size)[setup.watched] <= setup.requirement).all())
