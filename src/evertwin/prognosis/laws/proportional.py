@@ -27,6 +27,8 @@ FEWEST = 8
 """Values from which a scale is asked for."""
 CLEAR = 3.0
 """Logarithm of the ratio of likelihoods from which logarithms tell."""
+WIDE = float(np.log(1.5))
+"""Least logarithm of the ratio of most values: within less either scale is as good."""
 FARTHER = 10.0
 """What falls from so many times its limit is told so where neither scale is better."""
 SLOWER = 0.5
@@ -48,7 +50,8 @@ def by_share(indicator: Indicator) -> Indicator:
     at, half = life.at[known], len(value) // 2
     old, new = (limit.sign * steady(at[k], log[k])[0] for k in (slice(half), slice(half, None)))
     far = limit.sign < 0.0 and np.median(value[:FEWEST]) > FARTHER * limit.value
-    if gain < (0.0 if far else CLEAR) or new < SLOWER * old:
+    wide = np.quantile(log, 0.9) - np.quantile(log, 0.1) >= WIDE
+    if not wide or gain < (0.0 if far else CLEAR) or new < SLOWER * old:
         return indicator
     with np.errstate(invalid="ignore"):
         return life.with_(
