@@ -48,8 +48,8 @@ from proofs.kills import _around, _counting
 from proofs.replay_live import bare, end_of, fold
 
 POINTS = (
-    ("evertwin.sources.live.mqtt", "Mqtt.decode"),
-    ("evertwin.sources.live.mqtt", "Mqtt.committed"),
+    ("evertwin.sources.live.mqtt.source", "Mqtt.decode"),
+    ("evertwin.sources.live.mqtt.source", "Mqtt.committed"),
     ("evertwin.service.twin.live_twin", "AtWork.keep"),
     ("evertwin.service.twin.live_twin", "AtWork.fold"),
     ("evertwin.rows.samples", "Samples.keep"),

@@ -18,7 +18,7 @@ import pytest
 from evertwin.app.cli import main
 from evertwin.config import read
 from evertwin.service.site.site_plan import read_site
-from evertwin.sources.live.mqtt_spec import MqttSettings
+from evertwin.sources.live.mqtt.spec import MqttSettings
 from evertwin.sources.recorded import Recorded
 from evertwin.store import SharedStore, SqlOwners
 from evertwin.store.postgres import Postgres, driver
