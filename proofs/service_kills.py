@@ -61,10 +61,10 @@ POINTS = (
     ("evertwin.loop.driver", "Driver.beat"),
     ("evertwin.loop.slow_work", "SlowWork.send"),
     ("evertwin.loop.decisions.decide", "Decide._promote"),
-    ("evertwin.store.writer", "Writer.flush"),
-    ("evertwin.store.tables", "Tables.write"),
-    ("evertwin.store.checkpoints", "Checkpoints.write"),
-    ("evertwin.store.checkpoints", "Checkpoints.restore"),
+    ("evertwin.store.sql.writer", "Writer.flush"),
+    ("evertwin.store.sql.tables", "Tables.write"),
+    ("evertwin.store.sql.checkpoints", "Checkpoints.write"),
+    ("evertwin.store.sql.checkpoints", "Checkpoints.restore"),
 )
 LONGEST = 2.0
 """Seconds that a service runs at most before it is killed."""
