@@ -49,8 +49,8 @@ def _columns(geometry: Any, flats: Any, u: Any, out: Any) -> None:
         for k in range(flats.shape[0]):
             link = flats[k] // BODY
             body[flats[k] % BODY] = 1.0
-            wrench(link, body, 0, moved, forces)
-            inwards(link + 1, geometry, u[i], moved, forces, tau)
+            wrench(link, body, 0, moved, forces, WRENCH * link)
+            inwards(link + 1, geometry, u[i], moved, forces, 0, tau)
             body[flats[k] % BODY] = 0.0
             for j in range(WRENCH * link, WRENCH * (link + 1)):
                 forces[j] = 0.0

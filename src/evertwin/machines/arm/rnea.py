@@ -70,10 +70,10 @@ def outwards(n: int, geometry: Any, u: Any, moved: Any) -> None:
 
 
 @njit(cache=True, inline="always")
-def wrench(i: int, body: Any, b: int, moved: Any, forces: Any) -> None:
+def wrench(i: int, body: Any, b: int, moved: Any, forces: Any, f: int) -> None:
     """Force m·a + dw × h + w × (w × h) and moment I·dw + w × I·w + h × a at the origin of link
-    ``i``, whose `BODY` reals begin at ``b``; ``forces``, (6 n,)."""
-    k, f = MOVED * i, WRENCH * i
+    ``i``, whose `BODY` reals begin at ``b``: six of ``forces``, from ``f`` on."""
+    k = MOVED * i
     wx, wy, wz = moved[k + 2], moved[k + 3], moved[k + 4]
     dx, dy, dz = moved[k + 5], moved[k + 6], moved[k + 7]
     ax, ay, az = moved[k + 8], moved[k + 9], moved[k + 10]
@@ -92,15 +92,16 @@ def wrench(i: int, body: Any, b: int, moved: Any, forces: Any) -> None:
 
 
 @njit(cache=True, inline="always")
-def inwards(n: int, geometry: Any, u: Any, moved: Any, forces: Any, tau: Any) -> None:
-    """What the first ``n`` joints pass on, from the last of them to the base; ``tau``, (n,)."""
+def inwards(n: int, geometry: Any, u: Any, moved: Any, forces: Any, f: int, tau: Any) -> None:
+    """What the first ``n`` joints pass on, from the last of them to the base: ``tau``, (n,). The
+    wrenches of their links stand in ``forces`` from ``f`` on."""
     fx = fy = fz = nx = ny = nz = 0.0
     for j in range(n):
         i = n - 1 - j
-        g, k, f = 3 + JOINT * i, MOVED * i, WRENCH * i
+        g, k, o = 3 + JOINT * i, MOVED * i, f + WRENCH * i
         c, s = moved[k], moved[k + 1]
-        fx, fy, fz = fx + forces[f], fy + forces[f + 1], fz + forces[f + 2]
-        nx, ny, nz = nx + forces[f + 3], ny + forces[f + 4], nz + forces[f + 5]
+        fx, fy, fz = fx + forces[o], fy + forces[o + 1], fz + forces[o + 2]
+        nx, ny, nz = nx + forces[o + 3], ny + forces[o + 4], nz + forces[o + 5]
         rx, ry, rz = geometry[g + 9], geometry[g + 10], geometry[g + 11]
         if geometry[g + 12] != 0.0:
             tau[i] = fz
@@ -134,8 +135,7 @@ def joint_torques(n: int, geometry: Any, inertia: Any, u: Any, tau: Any, kept: A
         tau: joint torques (forces of sliding joints), (n,), filled.
         kept: working memory, `KEPT` reals a joint.
     """
-    moved, forces = kept[: MOVED * n], kept[MOVED * n :]
-    outwards(n, geometry, u, moved)
+    outwards(n, geometry, u, kept)
     for i in range(n):
-        wrench(i, inertia, BODY * i, moved, forces)
-    inwards(n, geometry, u, moved, forces, tau)
+        wrench(i, inertia, BODY * i, kept, kept, MOVED * n + WRENCH * i)
+    inwards(n, geometry, u, kept, kept, MOVED * n, tau)
