@@ -20,7 +20,7 @@ from evertwin import Twin
 from evertwin.config import read
 from evertwin.fold import Chunk
 from evertwin.store import SharedStore, SqliteStore, SqlOwners, Store
-from evertwin.store.postgres import Postgres
+from evertwin.store.postgres.database import Postgres
 from evertwin.store.spec import StoreSpec
 from planted.postgres import Server
 

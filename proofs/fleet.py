@@ -33,7 +33,7 @@ import numpy as np
 
 from evertwin.errors import StoreError, StoreUnwritable
 from evertwin.store import SharedStore
-from evertwin.store.postgres import Postgres
+from evertwin.store.postgres.database import Postgres
 from planted.postgres import Server
 from planted.serving import TWINS, Served
 from proofs._plant import Line, Machines

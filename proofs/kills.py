@@ -35,7 +35,7 @@ from evertwin.app.cli import main as command_line
 from evertwin.errors import StoreError
 from evertwin.loop import run as loop_run
 from evertwin.store import Entry, Head, SqliteStore
-from evertwin.store.database import Foreign
+from evertwin.store.sql.database import Foreign
 from evertwin.worlds.robot import main as record
 from proofs._verdict import ended
 
@@ -62,14 +62,14 @@ OPERATOR = (
     ("decide", "robot.toml", "gearbox", "replaced", "--reason", "worn"),
 )
 POINTS = (
-    ("evertwin.store.lock", "Lock._take"),
-    ("evertwin.store.database", "Database._create"),
-    ("evertwin.store.checkpoints", "Checkpoints.restore"),
-    ("evertwin.store.sql", "SqlStore.close"),
-    ("evertwin.store.tables", "Tables.write"),
-    ("evertwin.store.checkpoints", "Checkpoints.write"),
-    ("evertwin.store.writer", "Writer.put"),
-    ("evertwin.store.writer", "Writer.flush"),
+    ("evertwin.store.sqlite.lock", "Lock._take"),
+    ("evertwin.store.sql.database", "Database._create"),
+    ("evertwin.store.sql.checkpoints", "Checkpoints.restore"),
+    ("evertwin.store.sql.store", "SqlStore.close"),
+    ("evertwin.store.sql.tables", "Tables.write"),
+    ("evertwin.store.sql.checkpoints", "Checkpoints.write"),
+    ("evertwin.store.sql.writer", "Writer.put"),
+    ("evertwin.store.sql.writer", "Writer.flush"),
     ("evertwin.ledger.ledger", "Ledger.commit"),
     ("evertwin.ledger.ledger", "Ledger.say"),
     ("evertwin.ledger.run_log", "RunLog.say"),
@@ -134,7 +134,7 @@ def _prepared(kill: Kill, counts: Counter[str], acked: Path) -> None:
         owner, method = name.split(".")
         kind = getattr(importlib.import_module(module), owner)
         setattr(kind, method, _around(kind.__dict__[method], name, passed))
-    sheet = importlib.import_module("evertwin.store.tables").Tables
+    sheet = importlib.import_module("evertwin.store.sql.tables").Tables
     write, file = sheet.write, acked.open("a", buffering=1)
 
     def acknowledged(self: Any, jobs: Any) -> None:

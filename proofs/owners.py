@@ -38,9 +38,9 @@ from evertwin.fleet import Members, Tenure
 from evertwin.fleet.tenure import LASTS, STEPS, Told
 from evertwin.fold import Chunk
 from evertwin.store import Batch, Held, SqlOwners
-from evertwin.store.database import MEMORY, Database, Writing
-from evertwin.store.owners import SECOND, fence
-from evertwin.store.sql import SqlStore
+from evertwin.store.owners.owners import SECOND, fence
+from evertwin.store.sql.database import MEMORY, Database, Writing
+from evertwin.store.sql.store import SqlStore
 from proofs._verdict import ended
 
 LEASE = 10.0

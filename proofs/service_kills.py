@@ -48,8 +48,8 @@ from proofs.kills import _around, _counting
 from proofs.replay_live import bare, end_of, fold
 
 POINTS = (
-    ("evertwin.sources.live.mqtt", "Mqtt.decode"),
-    ("evertwin.sources.live.mqtt", "Mqtt.committed"),
+    ("evertwin.sources.live.mqtt.source", "Mqtt.decode"),
+    ("evertwin.sources.live.mqtt.source", "Mqtt.committed"),
     ("evertwin.service.twin.live_twin", "AtWork.keep"),
     ("evertwin.service.twin.live_twin", "AtWork.fold"),
     ("evertwin.rows.samples", "Samples.keep"),
@@ -61,10 +61,10 @@ POINTS = (
     ("evertwin.loop.driver", "Driver.beat"),
     ("evertwin.loop.slow_work", "SlowWork.send"),
     ("evertwin.loop.decisions.decide", "Decide._promote"),
-    ("evertwin.store.writer", "Writer.flush"),
-    ("evertwin.store.tables", "Tables.write"),
-    ("evertwin.store.checkpoints", "Checkpoints.write"),
-    ("evertwin.store.checkpoints", "Checkpoints.restore"),
+    ("evertwin.store.sql.writer", "Writer.flush"),
+    ("evertwin.store.sql.tables", "Tables.write"),
+    ("evertwin.store.sql.checkpoints", "Checkpoints.write"),
+    ("evertwin.store.sql.checkpoints", "Checkpoints.restore"),
 )
 LONGEST = 2.0
 """Seconds that a service runs at most before it is killed."""

@@ -18,10 +18,10 @@ import pytest
 from evertwin.app.cli import main
 from evertwin.config import read
 from evertwin.service.site.site_plan import read_site
-from evertwin.sources.live.mqtt_spec import MqttSettings
+from evertwin.sources.live.mqtt.spec import MqttSettings
 from evertwin.sources.recorded import Recorded
 from evertwin.store import SharedStore, SqlOwners
-from evertwin.store.postgres import Postgres, driver
+from evertwin.store.postgres.database import Postgres, driver
 from evertwin.twin import Twin
 from planted.serving import Served, nodes
 from planted.worlds import record_robot

@@ -14,7 +14,7 @@ from evertwin.fleet.tenure import ANEW, Told
 from evertwin.service.fleet_node import Tending
 from evertwin.service.service import Service
 from evertwin.store import SqlOwners
-from evertwin.store.database import Database
+from evertwin.store.sql.database import Database
 from planted.draws import first_of
 from planted.serving import site
 from proofs.owners import World

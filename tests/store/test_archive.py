@@ -13,8 +13,8 @@ import pytest
 from evertwin.errors import StoreDamaged
 from evertwin.fold import Chunk, equal
 from evertwin.store import Batch, Checkpoint, SqliteStore
-from evertwin.store.archive import DAY
 from evertwin.store.opening import restore
+from evertwin.store.sqlite.archive import DAY
 
 STEP = DAY // 8
 NAMES = ("number", "X", "x")  # one as a column of ours, two that differ by case alone

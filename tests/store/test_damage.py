@@ -18,7 +18,7 @@ import pytest
 from evertwin.errors import StoreDamaged, StoreError
 from evertwin.fold import Chunk, Event
 from evertwin.store import Batch, Checkpoint, Entry, Progress, SqliteStore
-from evertwin.store.pages import check_log, rows_in
+from evertwin.store.sqlite.pages import check_log, rows_in
 from proofs.damage import whole
 from proofs.kills import Kill, called
 
@@ -246,7 +246,7 @@ def test_rows_are_read_as_sqlite_reads_them(tmp_path: Path) -> None:
 
 KILLED = """
 import os, signal, sys
-import evertwin.store.salvage as salvage
+import evertwin.store.sqlite.salvage as salvage
 from evertwin.store import SqliteStore
 replace, count = os.replace, 0
 def stops(*given):

@@ -33,10 +33,10 @@ from evertwin.store import (
     check_owners,
     check_store,
 )
-from evertwin.store.database import Database
-from evertwin.store.owners import fence
-from evertwin.store.postgres import Postgres, driver, told
-from evertwin.store.sql import SqlStore
+from evertwin.store.owners.owners import fence
+from evertwin.store.postgres.database import Postgres, driver, told
+from evertwin.store.sql.database import Database
+from evertwin.store.sql.store import SqlStore
 from evertwin.twin import Twin
 from planted.serving import TWINS
 
@@ -244,7 +244,7 @@ def test_a_line_that_is_cut_is_told(postgres: str, twin: str) -> None:
 def test_who_is_paused_in_a_transaction_is_cut(
     postgres: str, twin: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("evertwin.store.postgres.STALLED", 1.0)
+    monkeypatch.setattr("evertwin.store.postgres.database.STALLED", 1.0)
     with (
         closing(Postgres(postgres, twin)) as database,
         pytest.raises(StoreUnwritable, match="idle-in-transaction"),
@@ -297,7 +297,7 @@ def test_a_local_twin_loads_nothing_of_it() -> None:
     program = (
         "import sys; from evertwin import Twin; Twin('twins/robot1d.toml').close(); "
         "print([one for one in sys.modules if one.startswith(('psycopg', 'evertwin.fleet')) "
-        "or one in ('evertwin.store.postgres', 'evertwin.store.shared')])"
+        "or one in ('evertwin.store.postgres.database', 'evertwin.store.postgres.store')])"
     )
     done = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, cwd=TWINS.parent

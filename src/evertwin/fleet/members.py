@@ -1,7 +1,7 @@
 """The nodes of a fleet, as the shared store knows them: on its own clock, as leases are; and what
 each says of twins that it would have to go on with.
 
->>> from evertwin.store.database import Database
+>>> from evertwin.store.sql.database import Database
 >>> members = Members(Database(":memory:"))
 >>> members.beat("north", "https://192.0.2.1:8700", 10.0)
 False
@@ -13,8 +13,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from evertwin.store.database import Sql
-from evertwin.store.owners import SECOND, shared_table
+from evertwin.store.owners.owners import SECOND, shared_table
+from evertwin.store.sql.database import Sql
 
 TABLE = """CREATE TABLE IF NOT EXISTS {shared}nodes (
     node text PRIMARY KEY, address text NOT NULL, until bigint NOT NULL, drains integer NOT NULL)"""

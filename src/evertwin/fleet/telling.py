@@ -1,6 +1,6 @@
 """How a fleet is, in plain values.
 
->>> from evertwin.store.database import Database
+>>> from evertwin.store.sql.database import Database
 >>> from evertwin.store import SqlOwners
 >>> database = Database(":memory:")
 >>> owners, members = SqlOwners(database), Members(database)
@@ -21,7 +21,7 @@ from typing import Any
 
 from evertwin.fleet.members import Members
 from evertwin.fleet.tenure import ANEW, Seen
-from evertwin.store.owners import Held, Owners
+from evertwin.store.owners.owners import Held, Owners
 
 
 def fleet_told(

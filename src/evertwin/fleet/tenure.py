@@ -9,8 +9,8 @@ A twin that has an owner moves (asked to, drained, or because nodes are busy une
 node that would take it has said that it can go on from its state: until then it stays where it
 runs. A node that cannot go on with a twin says why, and leaves it to others.
 
->>> from evertwin.store.database import Database
->>> from evertwin.store.owners import SqlOwners
+>>> from evertwin.store.sql.database import Database
+>>> from evertwin.store.owners.owners import SqlOwners
 >>> database = Database(":memory:")
 >>> north = Tenure("north", 10.0, SqlOwners(database), Members(database))
 >>> north.step({"arm": Told(), "robot": Told()}).begin
@@ -32,7 +32,7 @@ from typing import NamedTuple
 from evertwin.errors import StoreUnwritable
 from evertwin.fleet.balance import Uneven, loads, uneven
 from evertwin.fleet.members import Member, Members, Says
-from evertwin.store.owners import Held, Owners
+from evertwin.store.owners.owners import Held, Owners
 
 STEPS = 5  # in a lease
 SURE = 0.9

@@ -23,7 +23,7 @@ from evertwin.ledger.versions import Versions
 from evertwin.machines.friction.resisting import not_physical
 from evertwin.models.form import Form, Size, Version
 from evertwin.store import Batch, Entry, Kept, Store
-from evertwin.store.archive import Day
+from evertwin.store.sqlite.archive import Day
 
 log = logging.getLogger("evertwin")
 

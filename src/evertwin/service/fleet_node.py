@@ -1,7 +1,7 @@
 """A service as one node of a fleet: it runs the twins that it has a lease of, and no others.
 
 The leases are renewed in a thread of their own, whatever the twins do. A twin whose lease is lost
-is dropped at once; nothing that it would still write is taken (`evertwin.store.owners`).
+is dropped at once; nothing that it would still write is taken (`evertwin.store.owners.owners`).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from evertwin.fleet.tenure import COST, STEPS, TOGETHER
 from evertwin.service.site.loading import why_not
 from evertwin.service.site.site_plan import Plan
 from evertwin.store import SqlOwners
-from evertwin.store.postgres import Postgres
+from evertwin.store.postgres.database import Postgres
 
 if TYPE_CHECKING:
     from evertwin.service.service import Service

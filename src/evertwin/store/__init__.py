@@ -17,10 +17,10 @@ if TYPE_CHECKING:
     )
     from evertwin.store.kinds import Estimate as Estimate, Kept as Kept
     from evertwin.store.opening import looked_at as looked_at, opened as opened, restore as restore
-    from evertwin.store.owner_laws import check_owners as check_owners
-    from evertwin.store.owners import Held as Held, Owners as Owners, SqlOwners as SqlOwners
-    from evertwin.store.shared import SharedStore as SharedStore
-    from evertwin.store.sql import SqlStore as SqlStore
-    from evertwin.store.sqlite import SqliteStore as SqliteStore
+    from evertwin.store.owners.laws import check_owners as check_owners
+    from evertwin.store.owners.owners import Held as Held, Owners as Owners, SqlOwners as SqlOwners
+    from evertwin.store.postgres.store import SharedStore as SharedStore
+    from evertwin.store.sql.store import SqlStore as SqlStore
+    from evertwin.store.sqlite.store import SqliteStore as SqliteStore
 
 __getattr__ = surface(__name__)

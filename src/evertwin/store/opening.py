@@ -13,10 +13,10 @@ from pathlib import Path
 
 import evertwin.store as room  # what speaks with a server is loaded where there is one
 from evertwin.errors import NoStore, StoreError
-from evertwin.store.database import MEMORY
-from evertwin.store.lock import Lock
-from evertwin.store.sql import SqlStore
-from evertwin.store.sqlite import SqliteStore
+from evertwin.store.sql.database import MEMORY
+from evertwin.store.sql.store import SqlStore
+from evertwin.store.sqlite.lock import Lock
+from evertwin.store.sqlite.store import SqliteStore
 
 
 def opened(place: Path | str | None, twin: str = "", *, reading: bool = False) -> SqlStore:

@@ -13,7 +13,7 @@ from evertwin.errors import ModelError
 from evertwin.machines.arm.base import base_parameters, body_columns
 from evertwin.machines.arm.chain import Chain, aligned, serial
 from evertwin.machines.arm.model import robot
-from evertwin.machines.arm.rnea import joint_torques
+from evertwin.machines.arm.rnea import KEPT, joint_torques
 from evertwin.machines.arm.urdf import parse
 from planted.arms import row_by_row
 
@@ -94,7 +94,7 @@ def test_compiled_and_plain_python_give_the_same_bits(run_as: Callable[[str], No
     compiled = row_by_row(chain.geometry, chain.inertia, u)
     for row, tau in zip(u, compiled, strict=True):
         plain = np.zeros(6)
-        joint_torques.plain(6, chain.geometry, chain.inertia, row, plain, np.zeros(48))
+        joint_torques.plain(6, chain.geometry, chain.inertia, row, plain, np.zeros(6 * KEPT))
         assert plain.tobytes() == tau.tobytes()
 
 

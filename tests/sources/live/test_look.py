@@ -13,9 +13,9 @@ import pytest
 
 from evertwin.sources.live.contract import Around
 from evertwin.sources.live.look import SHOWN, look
-from evertwin.sources.live.look_ros import look_ros, wanted
 from evertwin.sources.live.registry import read_settings
-from evertwin.sources.live.ros_spec import RosSettings
+from evertwin.sources.live.ros.spec import RosSettings
+from evertwin.sources.live.ros.topics import look_ros, wanted
 from evertwin.worlds.live.broker import OwnBroker
 from evertwin.worlds.live.mqtt import MqttPublisher
 from tests.sources.live.peers import free_port
@@ -128,7 +128,7 @@ def test_topics_of_the_broker_that_comes_with_the_machine(
 
 @pytest.mark.system
 def test_topics_of_a_ros_master(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("evertwin.sources.live.look_ros.LISTEN", 1.0)
+    monkeypatch.setattr("evertwin.sources.live.ros.topics.LISTEN", 1.0)
     with master(tmp_path) as ros, ros.node(*ros.says("/odom", "nav_msgs/Odometry", QUARTER)):
         table = {"source": "odom", "protocol": "ros", "master": ros.uri}
         settings = read_settings(table)

@@ -22,9 +22,9 @@ import pytest
 import evertwin
 from evertwin.errors import LawBroken, UsageError
 from evertwin.sources.live import LiveSource, open_live
-from evertwin.sources.live.modbus import FASTER, Modbus, blocks_of
-from evertwin.sources.live.modbus_spec import Register
-from evertwin.sources.live.modbus_wire import READS, Refused, Wire, WrongFrame, answer, request
+from evertwin.sources.live.modbus.source import FASTER, Modbus, blocks_of
+from evertwin.sources.live.modbus.spec import Register
+from evertwin.sources.live.modbus.wire import READS, Refused, Wire, WrongFrame, answer, request
 from evertwin.sources.live.telling import Telling
 from evertwin.sources.spec import ChannelSpec, SourceSpec, TimeSpec
 from planted.draws import first_of

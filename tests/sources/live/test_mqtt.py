@@ -22,7 +22,7 @@ import pytest
 from evertwin.errors import UsageError
 from evertwin.fold import Chunk
 from evertwin.sources.live import LiveSource, open_live
-from evertwin.sources.live.mqtt_parts import Count, NoMessage, place
+from evertwin.sources.live.mqtt.parts import Count, NoMessage, place
 from evertwin.sources.spec import ArraySpec, ChannelSpec, SourceSpec, TimeSpec
 from planted.draws import first_of
 from tests.sources.live.peers import Proxy, free_port, hear, listen, listening, need
@@ -371,8 +371,8 @@ def test_what_is_kept_out_here_is_not_lost_elsewhere(tmp_path: Path) -> None:
 def test_a_topic_on_which_nothing_comes_is_said_with_what_does(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr("evertwin.sources.live.mqtt.SILENT", 0.3)
-    monkeypatch.setattr("evertwin.sources.live.mqtt.LISTEN", 1.0)
+    monkeypatch.setattr("evertwin.sources.live.mqtt.source.SILENT", 0.3)
+    monkeypatch.setattr("evertwin.sources.live.mqtt.source.LISTEN", 1.0)
     with mosquitto(tmp_path) as broker:
         source = robot(broker.port, topic="robot/stat")
         ends = threading.Event()

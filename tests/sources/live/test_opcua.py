@@ -21,8 +21,8 @@ from evertwin.errors import UsageError
 from evertwin.fold import Chunk
 from evertwin.sources.live import Around, LiveSource, open_live
 from evertwin.sources.live.look import look
-from evertwin.sources.live.opcua import UNREAD
-from evertwin.sources.live.opcua_group import Groups
+from evertwin.sources.live.opcua.groups import Groups
+from evertwin.sources.live.opcua.source import UNREAD
 from evertwin.sources.live.registry import read_settings
 from evertwin.sources.spec import ChannelSpec, SourceSpec, TimeSpec
 from planted.draws import first_of

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from evertwin.errors import EvertwinError
 from evertwin.service.site.site_plan import Plan, Site
-from evertwin.store.postgres import Postgres, told
+from evertwin.store.postgres.database import Postgres, told
 
 
 def shared(site: Site) -> tuple[str, list[str], list[str]]:

@@ -20,8 +20,8 @@ from evertwin.service.site.site_plan import Plan, Site, read_site
 from evertwin.sources.live.contract import Around, LiveSettings
 from evertwin.sources.live.line import LineDown
 from evertwin.sources.live.look import look
-from evertwin.sources.live.look_ros import look_ros, wanted
-from evertwin.sources.live.ros_spec import RosSettings
+from evertwin.sources.live.ros.spec import RosSettings
+from evertwin.sources.live.ros.topics import look_ros, wanted
 from evertwin.sources.live.trying import misfits
 from evertwin.sync.spec import SignalSpec
 

@@ -22,13 +22,13 @@ from evertwin.fold import Chunk
 from evertwin.service.site.site_plan import Plan, read_site
 from evertwin.signals import conversion
 from evertwin.sources.live.contract import Around, LiveSettings, LiveSource
-from evertwin.sources.live.growing import GrowingSettings
+from evertwin.sources.live.files.growing import GrowingSettings
+from evertwin.sources.live.files.replay import ReplaySettings
 from evertwin.sources.live.line import LineDown
-from evertwin.sources.live.modbus_spec import ModbusSettings
-from evertwin.sources.live.mqtt_spec import MqttSettings
-from evertwin.sources.live.opcua_spec import OpcuaSettings
+from evertwin.sources.live.modbus.spec import ModbusSettings
+from evertwin.sources.live.mqtt.spec import MqttSettings
+from evertwin.sources.live.opcua.spec import OpcuaSettings
 from evertwin.sources.live.registry import open_live
-from evertwin.sources.live.replay import ReplaySettings
 from evertwin.sources.live.trying import beside, some
 from evertwin.sources.spec import ChannelSpec, SourceSpec, TimeSpec
 from evertwin.starter import look

@@ -12,7 +12,7 @@ from evertwin.fleet import Members, fleet_told
 from evertwin.fleet.tenure import ANEW
 from evertwin.service.site.site_plan import Site, read_site
 from evertwin.store import SqlOwners
-from evertwin.store.postgres import Postgres
+from evertwin.store.postgres.database import Postgres
 
 
 @contextmanager

@@ -22,7 +22,7 @@ import scipy
 
 from evertwin.compiled.functions import njit
 from evertwin.machines.arm.coupling import Coupling
-from evertwin.machines.arm.rnea import BODY, joint_torques
+from evertwin.machines.arm.rnea import BODY, MOVED, WRENCH, inwards, outwards, wrench
 from evertwin.types import Float64
 
 SMALL = 1e-5
@@ -35,16 +35,27 @@ KEPT = 2**26
 
 @njit(cache=True)
 def _columns(geometry: Any, flats: Any, u: Any, out: Any) -> None:
-    """Torques of each single inertial number, with all others zero."""
+    """Torques of each single inertial number, with all others zero: of a link those of the joints
+    before it, from how its frame moves."""
     n = u.shape[1] // 3
-    inertia, kept, tau = np.zeros(BODY * n), np.empty(8 * n), np.empty(n)
+    body, moved, forces, tau = (
+        np.zeros(BODY),
+        np.empty(MOVED * n),
+        np.zeros(WRENCH * n),
+        np.zeros(n),
+    )
     for i in range(u.shape[0]):
+        outwards(n, geometry, u[i], moved)
         for k in range(flats.shape[0]):
-            inertia[flats[k]] = 1.0
-            joint_torques(n, geometry, inertia, u[i], tau, kept)
-            inertia[flats[k]] = 0.0
+            link = flats[k] // BODY
+            body[flats[k] % BODY] = 1.0
+            wrench(link, body, 0, moved, forces, WRENCH * link)
+            inwards(link + 1, geometry, u[i], moved, forces, 0, tau)
+            body[flats[k] % BODY] = 0.0
+            for j in range(WRENCH * link, WRENCH * (link + 1)):
+                forces[j] = 0.0
             for j in range(n):
-                out[i, j, k] = tau[j]
+                out[i, j, k] = tau[j] if j <= link else 0.0
 
 
 def body_columns(

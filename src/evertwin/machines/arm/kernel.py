@@ -14,8 +14,8 @@ import math
 from typing import Any
 
 from evertwin.compiled.functions import OBSERVE, STEP, cfunc, njit
-from evertwin.compiled.memory import reals, scratch
-from evertwin.machines.arm.rnea import BODY, joint_torques
+from evertwin.compiled.memory import reals, room, scratch
+from evertwin.machines.arm.rnea import BODY, KEPT, joint_torques
 from evertwin.machines.friction.kernel import force, switch, width_of
 
 N, GEOMETRY, INERTIAS, OTHERS, CHOSEN, PAYLOAD, DELAY, MOTOR, SHARED, COUPLED, SHAFTS = range(11)
@@ -112,7 +112,8 @@ def step(context: Any, x: Any, u: Any, dt: float, p: Any, ahead: Any, y: Any) ->
     n = context[N]
     geometry, inertias = reals(context[GEOMETRY]), reals(context[INERTIAS])
     others = reals(context[OTHERS])
-    motion, body, kept, load, joint = scratch(), scratch(), scratch(), scratch(), scratch()
+    motion, body, load, joint = scratch(), scratch(), scratch(), scratch()
+    kept = room(KEPT * n)
     at, coupled = n + BODY * BODY, context[COUPLED]
     moved_motion(n, p[context[DELAY]] if context[DELAY] >= 0 else 0.0, u, motion)
     for k in range(3 * n):

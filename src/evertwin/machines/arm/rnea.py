@@ -22,26 +22,19 @@ JOINT = 13
 """Reals of a joint in ``geometry``, after three of gravity: rotation (9), position (3), slides?"""
 BODY = 10
 """Reals of a link in ``inertia``."""
-_KEPT = 8
+MOVED, WRENCH = 11, 6
+"""Reals of a joint in working memory: how its frame moves (cosine, sine, w, dw, a), and its link's
+force and moment."""
+KEPT = MOVED + WRENCH
 
 
-@njit(cache=True)
-def joint_torques(n: int, geometry: Any, inertia: Any, u: Any, tau: Any, kept: Any) -> None:
-    """One sample.
-
-    Args:
-        n: number of joints.
-        geometry: gravity (3), then `JOINT` reals a joint.
-        inertia: `BODY` reals a link.
-        u: q, q̇, q̈, each (n,), one after the other.
-        tau: joint torques (forces of sliding joints), (n,), filled.
-        kept: working memory, 8 n reals.
-    """
-    # longer than the budget: one pass out and one back, in scalars so that nothing is allocated.
+@njit(cache=True, inline="always")
+def outwards(n: int, geometry: Any, u: Any, moved: Any) -> None:
+    """How the frames of joints move, from the base; ``moved``, (11 n,), is filled."""
     wx = wy = wz = dx = dy = dz = 0.0
     ax, ay, az = -geometry[0], -geometry[1], -geometry[2]
     for i in range(n):
-        g, b, k = 3 + JOINT * i, BODY * i, _KEPT * i
+        g, k = 3 + JOINT * i, MOVED * i
         e0, e1, e2 = geometry[g], geometry[g + 1], geometry[g + 2]
         e3, e4, e5 = geometry[g + 3], geometry[g + 4], geometry[g + 5]
         e6, e7, e8 = geometry[g + 6], geometry[g + 7], geometry[g + 8]
@@ -59,51 +52,56 @@ def joint_torques(n: int, geometry: Any, inertia: Any, u: Any, tau: Any, kept: A
         py = ay + dz * rx - dx * rz + wz * tx - wx * tz
         pz = az + dx * ry - dy * rx + wx * ty - wy * tx
         # Into this frame: first the fixed rotation, then the joint's.
-        tx, ty, tz = (
-            e0 * px + e3 * py + e6 * pz,
-            e1 * px + e4 * py + e7 * pz,
-            e2 * px + e5 * py + e8 * pz,
-        )
-        ax, ay, az = c * tx + s * ty, c * ty - s * tx, tz
-        tx, ty, tz = (
-            e0 * wx + e3 * wy + e6 * wz,
-            e1 * wx + e4 * wy + e7 * wz,
-            e2 * wx + e5 * wy + e8 * wz,
-        )
-        wx, wy, wz = c * tx + s * ty, c * ty - s * tx, tz
-        tx, ty, tz = (
-            e0 * dx + e3 * dy + e6 * dz,
-            e1 * dx + e4 * dy + e7 * dz,
-            e2 * dx + e5 * dy + e8 * dz,
-        )
-        dx, dy, dz = c * tx + s * ty, c * ty - s * tx, tz
+        tx, ty = e0 * px + e3 * py + e6 * pz, e1 * px + e4 * py + e7 * pz
+        ax, ay, az = c * tx + s * ty, c * ty - s * tx, e2 * px + e5 * py + e8 * pz
+        tx, ty = e0 * wx + e3 * wy + e6 * wz, e1 * wx + e4 * wy + e7 * wz
+        wx, wy, wz = c * tx + s * ty, c * ty - s * tx, e2 * wx + e5 * wy + e8 * wz
+        tx, ty = e0 * dx + e3 * dy + e6 * dz, e1 * dx + e4 * dy + e7 * dz
+        dx, dy, dz = c * tx + s * ty, c * ty - s * tx, e2 * dx + e5 * dy + e8 * dz
         if slides:
             ax, ay, az = ax + 2.0 * wy * v, ay - 2.0 * wx * v, az + acc
         else:
             dx, dy, dz = dx + wy * v, dy - wx * v, dz + acc
             wz += v
-        m, hx, hy, hz = inertia[b], inertia[b + 1], inertia[b + 2], inertia[b + 3]
-        xx, xy, yy = inertia[b + 4], inertia[b + 5], inertia[b + 6]
-        xz, yz, zz = inertia[b + 7], inertia[b + 8], inertia[b + 9]
-        # Force m·a + dw × h + w × (w × h) and moment I·dw + w × I·w + h × a at the origin.
-        tx, ty, tz = wy * hz - wz * hy, wz * hx - wx * hz, wx * hy - wy * hx
-        kept[k] = c
-        kept[k + 1] = s
-        kept[k + 2] = m * ax + dy * hz - dz * hy + wy * tz - wz * ty
-        kept[k + 3] = m * ay + dz * hx - dx * hz + wz * tx - wx * tz
-        kept[k + 4] = m * az + dx * hy - dy * hx + wx * ty - wy * tx
-        lx, ly = xx * wx + xy * wy + xz * wz, xy * wx + yy * wy + yz * wz
-        lz = xz * wx + yz * wy + zz * wz
-        kept[k + 5] = xx * dx + xy * dy + xz * dz + wy * lz - wz * ly + hy * az - hz * ay
-        kept[k + 6] = xy * dx + yy * dy + yz * dz + wz * lx - wx * lz + hz * ax - hx * az
-        kept[k + 7] = xz * dx + yz * dy + zz * dz + wx * ly - wy * lx + hx * ay - hy * ax
+        moved[k], moved[k + 1] = c, s
+        moved[k + 2], moved[k + 3], moved[k + 4] = wx, wy, wz
+        moved[k + 5], moved[k + 6], moved[k + 7] = dx, dy, dz
+        moved[k + 8], moved[k + 9], moved[k + 10] = ax, ay, az
+
+
+@njit(cache=True, inline="always")
+def wrench(i: int, body: Any, b: int, moved: Any, forces: Any, f: int) -> None:
+    """Force m·a + dw × h + w × (w × h) and moment I·dw + w × I·w + h × a at the origin of link
+    ``i``, whose `BODY` reals begin at ``b``: six of ``forces``, from ``f`` on."""
+    k = MOVED * i
+    wx, wy, wz = moved[k + 2], moved[k + 3], moved[k + 4]
+    dx, dy, dz = moved[k + 5], moved[k + 6], moved[k + 7]
+    ax, ay, az = moved[k + 8], moved[k + 9], moved[k + 10]
+    m, hx, hy, hz = body[b], body[b + 1], body[b + 2], body[b + 3]
+    xx, xy, yy = body[b + 4], body[b + 5], body[b + 6]
+    xz, yz, zz = body[b + 7], body[b + 8], body[b + 9]
+    tx, ty, tz = wy * hz - wz * hy, wz * hx - wx * hz, wx * hy - wy * hx
+    forces[f] = m * ax + dy * hz - dz * hy + wy * tz - wz * ty
+    forces[f + 1] = m * ay + dz * hx - dx * hz + wz * tx - wx * tz
+    forces[f + 2] = m * az + dx * hy - dy * hx + wx * ty - wy * tx
+    lx, ly = xx * wx + xy * wy + xz * wz, xy * wx + yy * wy + yz * wz
+    lz = xz * wx + yz * wy + zz * wz
+    forces[f + 3] = xx * dx + xy * dy + xz * dz + wy * lz - wz * ly + hy * az - hz * ay
+    forces[f + 4] = xy * dx + yy * dy + yz * dz + wz * lx - wx * lz + hz * ax - hx * az
+    forces[f + 5] = xz * dx + yz * dy + zz * dz + wx * ly - wy * lx + hx * ay - hy * ax
+
+
+@njit(cache=True, inline="always")
+def inwards(n: int, geometry: Any, u: Any, moved: Any, forces: Any, f: int, tau: Any) -> None:
+    """What the first ``n`` joints pass on, from the last of them to the base: ``tau``, (n,). The
+    wrenches of their links stand in ``forces`` from ``f`` on."""
     fx = fy = fz = nx = ny = nz = 0.0
     for j in range(n):
         i = n - 1 - j
-        g, k = 3 + JOINT * i, _KEPT * i
-        c, s = kept[k], kept[k + 1]
-        fx, fy, fz = fx + kept[k + 2], fy + kept[k + 3], fz + kept[k + 4]
-        nx, ny, nz = nx + kept[k + 5], ny + kept[k + 6], nz + kept[k + 7]
+        g, k, o = 3 + JOINT * i, MOVED * i, f + WRENCH * i
+        c, s = moved[k], moved[k + 1]
+        fx, fy, fz = fx + forces[o], fy + forces[o + 1], fz + forces[o + 2]
+        nx, ny, nz = nx + forces[o + 3], ny + forces[o + 4], nz + forces[o + 5]
         rx, ry, rz = geometry[g + 9], geometry[g + 10], geometry[g + 11]
         if geometry[g + 12] != 0.0:
             tau[i] = fz
@@ -123,3 +121,21 @@ def joint_torques(n: int, geometry: Any, inertia: Any, u: Any, tau: Any, kept: A
         nx = mx + ry * pz - rz * py
         ny = my + rz * px - rx * pz
         nz = mz + rx * py - ry * px
+
+
+@njit(cache=True)
+def joint_torques(n: int, geometry: Any, inertia: Any, u: Any, tau: Any, kept: Any) -> None:
+    """One sample.
+
+    Args:
+        n: number of joints.
+        geometry: gravity (3), then `JOINT` reals a joint.
+        inertia: `BODY` reals a link.
+        u: q, q̇, q̈, each (n,), one after the other.
+        tau: joint torques (forces of sliding joints), (n,), filled.
+        kept: working memory, `KEPT` reals a joint.
+    """
+    outwards(n, geometry, u, kept)
+    for i in range(n):
+        wrench(i, inertia, BODY * i, kept, kept, MOVED * n + WRENCH * i)
+    inwards(n, geometry, u, kept, kept, MOVED * n, tau)

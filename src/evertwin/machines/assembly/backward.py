@@ -15,7 +15,7 @@ import numpy as np
 
 from evertwin.compiled.functions import OBSERVE, STEP, cfunc, njit
 from evertwin.compiled.memory import reals
-from evertwin.machines.arm.rnea import BODY, joint_torques
+from evertwin.machines.arm.rnea import BODY, KEPT, joint_torques
 from evertwin.machines.assembly import context as slot
 from evertwin.machines.assembly import shared
 from evertwin.machines.assembly.boxes import address, box_axis, run_boxes
@@ -52,7 +52,7 @@ def _loads(context: Any, p: Any, bus: Any, carried: Any) -> None:
             carried[j] = 0.0
         return
     geometry, described = reals(context[slot.GEOMETRY]), reals(context[slot.INERTIAS])
-    motion, body, kept, tau = np.empty(3 * n), np.empty(BODY * n), np.empty(8 * n), np.empty(n)
+    motion, body, kept, tau = np.empty(3 * n), np.empty(BODY * n), np.empty(KEPT * n), np.empty(n)
     for j in range(n):
         motion[j] = bus[shared.QUANTITIES * j + shared.POSITION]
         motion[n + j] = bus[shared.QUANTITIES * j + shared.SPEED]

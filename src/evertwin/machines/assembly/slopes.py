@@ -26,7 +26,7 @@ import numpy as np
 
 from evertwin.compiled.functions import njit
 from evertwin.compiled.memory import reals
-from evertwin.machines.arm.rnea import BODY, joint_torques
+from evertwin.machines.arm.rnea import BODY, KEPT, joint_torques
 from evertwin.machines.assembly import context as slot
 from evertwin.machines.assembly import shared
 from evertwin.machines.assembly.boxes import box_axis
@@ -185,7 +185,7 @@ def _arm(context: Any, x: Any, u: Any, p: Any, net: Any, bus: Any, carried: Any)
     """
     n = context[slot.N]
     geometry = reals(context[slot.GEOMETRY])
-    motion, body, kept = np.zeros(3 * n), np.empty(BODY * n), np.empty(8 * n)
+    motion, body, kept = np.zeros(3 * n), np.empty(BODY * n), np.empty(KEPT * n)
     bias, mass = np.empty(n), np.empty((n, n))
     bodies(context, p, body)
     for j in range(n):

@@ -24,7 +24,7 @@ from evertwin.settings.notes import Path as Place
 from evertwin.settings.section import Section
 from evertwin.sources.live import registry as sources
 from evertwin.sources.live.contract import LiveSettings
-from evertwin.sources.live.mqtt_spec import MqttSettings
+from evertwin.sources.live.mqtt.spec import MqttSettings
 
 S = TypeVar("S", bound=Section)
 

@@ -31,8 +31,8 @@ from evertwin.signals import wrap
 from evertwin.signals.channels import same_turn
 from evertwin.signals.spoken import as_recorded
 from evertwin.store import Estimate, Kept, SharedStore, SqliteStore
-from evertwin.store.archive import DAY, Day
 from evertwin.store.spec import StoreSpec
+from evertwin.store.sqlite.archive import DAY, Day
 from evertwin.twin import Twin
 from evertwin.types import Outputs
 

@@ -19,16 +19,16 @@ from evertwin.errors import reason_of
 from evertwin.sources.foreign import load
 from evertwin.sources.live.contract import Around, LiveSettings
 from evertwin.sources.live.line import LineDown
-from evertwin.sources.live.look_ros import look_ros
-from evertwin.sources.live.modbus import Block, blocks_of, number_of
-from evertwin.sources.live.modbus_spec import Kind, ModbusSettings, Order, Register
-from evertwin.sources.live.modbus_wire import Refused, Wire
-from evertwin.sources.live.mqtt import Mqtt
-from evertwin.sources.live.mqtt_line import LISTEN
-from evertwin.sources.live.mqtt_spec import MqttSettings
-from evertwin.sources.live.opcua import Opcua
-from evertwin.sources.live.opcua_spec import OpcuaSettings
-from evertwin.sources.live.ros_spec import RosSettings
+from evertwin.sources.live.modbus.source import Block, blocks_of, number_of
+from evertwin.sources.live.modbus.spec import Kind, ModbusSettings, Order, Register
+from evertwin.sources.live.modbus.wire import Refused, Wire
+from evertwin.sources.live.mqtt.connection import LISTEN
+from evertwin.sources.live.mqtt.source import Mqtt
+from evertwin.sources.live.mqtt.spec import MqttSettings
+from evertwin.sources.live.opcua.source import Opcua
+from evertwin.sources.live.opcua.spec import OpcuaSettings
+from evertwin.sources.live.ros.spec import RosSettings
+from evertwin.sources.live.ros.topics import look_ros
 from evertwin.sources.spec import SourceSpec
 
 WIDE = 100

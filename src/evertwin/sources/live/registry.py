@@ -21,24 +21,30 @@ from evertwin.sources.spec import ArraySpec, SourceSpec
 
 OWN = {
     "file": (
-        "evertwin.sources.live.growing:GrowingSettings", "evertwin.sources.live.growing:Growing",
+        "evertwin.sources.live.files.growing:GrowingSettings",
+        "evertwin.sources.live.files.growing:Growing",
     ),
     "modbus": (
-        "evertwin.sources.live.modbus_spec:ModbusSettings", "evertwin.sources.live.modbus:Modbus",
+        "evertwin.sources.live.modbus.spec:ModbusSettings",
+        "evertwin.sources.live.modbus.source:Modbus",
     ),
     "mqtt": (
-        "evertwin.sources.live.mqtt_spec:MqttSettings", "evertwin.sources.live.mqtt:Mqtt",
+        "evertwin.sources.live.mqtt.spec:MqttSettings",
+        "evertwin.sources.live.mqtt.source:Mqtt",
     ),
     "opcua": (
-        "evertwin.sources.live.opcua_spec:OpcuaSettings", "evertwin.sources.live.opcua:Opcua",
+        "evertwin.sources.live.opcua.spec:OpcuaSettings",
+        "evertwin.sources.live.opcua.source:Opcua",
     ),
     "replay": (
-        "evertwin.sources.live.replay:ReplaySettings", "evertwin.sources.live.replay:Replay",
+        "evertwin.sources.live.files.replay:ReplaySettings",
+        "evertwin.sources.live.files.replay:Replay",
     ),
     "ros": (
-        "evertwin.sources.live.ros_spec:RosSettings", "evertwin.sources.live.ros:Ros",
+        "evertwin.sources.live.ros.spec:RosSettings",
+        "evertwin.sources.live.ros.source:Ros",
     ),
-}  # fmt: skip
+}
 """Protocol → where its settings and its source are; the libraries load with the source."""
 
 

@@ -17,11 +17,11 @@ import numpy as np
 from evertwin.errors import UsageError
 from evertwin.fold import Chunk
 from evertwin.sources.live.contract import Around, LiveSettings, LiveSource
-from evertwin.sources.live.modbus_spec import ModbusSettings
-from evertwin.sources.live.mqtt import Mqtt
-from evertwin.sources.live.mqtt_line import LISTEN
-from evertwin.sources.live.mqtt_spec import MqttSettings
-from evertwin.sources.live.opcua_spec import OpcuaSettings
+from evertwin.sources.live.modbus.spec import ModbusSettings
+from evertwin.sources.live.mqtt.connection import LISTEN
+from evertwin.sources.live.mqtt.source import Mqtt
+from evertwin.sources.live.mqtt.spec import MqttSettings
+from evertwin.sources.live.opcua.spec import OpcuaSettings
 from evertwin.sources.live.registry import open_live
 from evertwin.sources.spec import ArraySpec, SourceSpec
 

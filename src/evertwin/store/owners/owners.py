@@ -6,7 +6,7 @@ cut off. So each of its transactions asks, inside itself, whether its token stil
 (`fence`), and one under an older token is refused, whenever it comes. Leases are counted on the
 store's clock alone: what time a node has does not matter.
 
->>> from evertwin.store.database import Database
+>>> from evertwin.store.sql.database import Database
 >>> database = Database(":memory:")
 >>> owners = SqlOwners(database)
 >>> owners.claim("arm", "north", 30.0), owners.claim("arm", "south", 30.0)
@@ -26,8 +26,8 @@ from collections.abc import Mapping
 from typing import NamedTuple, Protocol, runtime_checkable
 
 from evertwin.errors import OwnershipLost
-from evertwin.store.database import Sql, Writing
-from evertwin.store.tables import Fence
+from evertwin.store.sql.database import Sql, Writing
+from evertwin.store.sql.tables import Fence
 
 LOG = logging.getLogger("evertwin")
 SECOND = 1_000_000
@@ -114,7 +114,7 @@ def shared_table(database: Sql, name: str, text: str) -> str:
 class SqlOwners:
     """In a table of the database that has the stores (`Owners` says what each method does).
 
-    >>> from evertwin.store.database import Database
+    >>> from evertwin.store.sql.database import Database
     >>> SqlOwners(Database(":memory:")).held()
     ()
     """

@@ -1,8 +1,8 @@
 """The laws of ownership, for any implementation of the contract.
 
->>> from evertwin.store.database import Database
->>> from evertwin.store.owners import SqlOwners, fence
->>> from evertwin.store.sql import SqlStore
+>>> from evertwin.store.sql.database import Database
+>>> from evertwin.store.owners.owners import SqlOwners, fence
+>>> from evertwin.store.sql.store import SqlStore
 >>> import time
 >>> database = Database(":memory:")
 >>> def store(twin, token):
@@ -20,7 +20,7 @@ from evertwin.errors import LawBroken, OwnershipLost
 from evertwin.fold import Event
 from evertwin.store.check import law, refuses
 from evertwin.store.contract import Batch, Store
-from evertwin.store.owners import Owners
+from evertwin.store.owners.owners import Owners
 
 Opens: TypeAlias = Callable[[str, int], Store]
 LEASE = 0.2

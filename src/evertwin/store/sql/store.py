@@ -1,10 +1,10 @@
 """A store in any SQL database: what the contract asks for, once, whichever database keeps it.
 
-A database is what `Sql` says: a file of SQLite (`evertwin.store.database`), or what one twin has of
-a PostgreSQL server (`evertwin.store.postgres`). Its tables have the same names and columns, so the
-statements are the same.
+A database is what `Sql` says: a file of SQLite (`evertwin.store.sql.database`), or what one twin
+has of a PostgreSQL server (`evertwin.store.postgres.database`). Its tables have the same names and
+columns, so the statements are the same.
 
->>> from evertwin.store.database import Database
+>>> from evertwin.store.sql.database import Database
 >>> from evertwin.fold import Event
 >>> store = SqlStore(Database(":memory:"))
 >>> tuned = Event(row=7, time=70, kind="tuned", signal="Fc", reason="torque off by 9 %")
@@ -25,16 +25,16 @@ from typing import Any, TypeVar
 from evertwin.errors import StoreDamaged, StoreError
 from evertwin.files import make_whole
 from evertwin.fold import Chunk, Event
-from evertwin.store.arrays import unpack
 from evertwin.store.chain import SEED, Entry, Head, chained, link
-from evertwin.store.checkpoints import Checkpoints
 from evertwin.store.contract import Batch, Checkpoint, Progress
-from evertwin.store.database import Sql
 from evertwin.store.kinds import KINDS, Kept, decode, encode, kind_of, loads, row_of
-from evertwin.store.pieces import name_of, proof
-from evertwin.store.soundness import as_printed, found_head, look, verify
-from evertwin.store.tables import Fence, Job, Tables
-from evertwin.store.writer import Writer
+from evertwin.store.sql.arrays import unpack
+from evertwin.store.sql.checkpoints import Checkpoints
+from evertwin.store.sql.database import Sql
+from evertwin.store.sql.pieces import name_of, proof
+from evertwin.store.sql.soundness import as_printed, found_head, look, verify
+from evertwin.store.sql.tables import Fence, Job, Tables
+from evertwin.store.sql.writer import Writer
 
 S = TypeVar("S")
 LINKED = (
@@ -48,7 +48,7 @@ ALL = 2**63 - 1
 class SqlStore:
     """A store in a database (`Store` says what each method does).
 
-    >>> from evertwin.store.database import Database
+    >>> from evertwin.store.sql.database import Database
     >>> store = SqlStore(Database(":memory:"))
     >>> store.restore((0.0,)) is None
     True

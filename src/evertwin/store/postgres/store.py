@@ -7,9 +7,9 @@
 from __future__ import annotations
 
 from evertwin.errors import NoStore, StoreError, StoreLocked
-from evertwin.store.owners import SqlOwners, fence
-from evertwin.store.postgres import Postgres
-from evertwin.store.sql import SqlStore
+from evertwin.store.owners.owners import SqlOwners, fence
+from evertwin.store.postgres.database import Postgres
+from evertwin.store.sql.store import SqlStore
 
 
 class SharedStore(SqlStore):

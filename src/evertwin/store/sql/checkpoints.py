@@ -12,11 +12,11 @@ from typing import Any, TypeVar
 import numpy as np
 
 from evertwin.errors import StoreDamaged
-from evertwin.store.arrays import pack, unpack
 from evertwin.store.chain import SEED
 from evertwin.store.contract import Checkpoint
-from evertwin.store.database import Sql, Writing
-from evertwin.store.pieces import cut, joined, name_of, names_in, proof
+from evertwin.store.sql.arrays import pack, unpack
+from evertwin.store.sql.database import Sql, Writing
+from evertwin.store.sql.pieces import cut, joined, name_of, names_in, proof
 
 S = TypeVar("S")
 log = logging.getLogger("evertwin")
@@ -28,7 +28,7 @@ QUERY = "SELECT run, row, length, chunks, shown, layout, hash FROM checkpoints W
 class Checkpoints:
     """The checkpoints of a database.
 
-    >>> from evertwin.store.database import Database
+    >>> from evertwin.store.sql.database import Database
     >>> Checkpoints(Database(":memory:")).restore((0.0,)) is None
     True
     """

@@ -24,7 +24,7 @@ import numpy as np
 
 from evertwin.errors import StoreDamaged
 from evertwin.fold.state import filled, leaves
-from evertwin.store.arrays import pack, unpack
+from evertwin.store.sql.arrays import pack, unpack
 
 S = TypeVar("S")
 PIECE = 1 << 14

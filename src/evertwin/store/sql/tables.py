@@ -12,12 +12,12 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from evertwin.fold import Chunk
-from evertwin.store.arrays import pack
 from evertwin.store.chain import Entry
-from evertwin.store.checkpoints import Checkpoints
 from evertwin.store.contract import Batch
-from evertwin.store.database import Sql, Writing
-from evertwin.store.pieces import name_of, proof
+from evertwin.store.sql.arrays import pack
+from evertwin.store.sql.checkpoints import Checkpoints
+from evertwin.store.sql.database import Sql, Writing
+from evertwin.store.sql.pieces import name_of, proof
 
 OLD = "number <= coalesce((SELECT min(chunks) FROM checkpoints), 9223372036854775807)"
 FORGET = f"DELETE FROM samples WHERE source = ? AND stop < ? AND {OLD}"
@@ -40,7 +40,7 @@ class Job(NamedTuple):
 class Tables:
     """The tables, written batch by batch.
 
-    >>> from evertwin.store.database import Database
+    >>> from evertwin.store.sql.database import Database
     >>> database = Database(":memory:")
     >>> tables = Tables(database, Checkpoints(database))
     >>> tables.write([Job((), Batch(moved=[("arm", 0, 1, 1)]))])

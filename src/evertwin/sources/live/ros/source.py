@@ -24,8 +24,8 @@ from evertwin.sources.live.contract import Around
 from evertwin.sources.live.decode import Columns
 from evertwin.sources.live.decode import Raw as Cell
 from evertwin.sources.live.line import DOWN, Line
-from evertwin.sources.live.mqtt_parts import Count
-from evertwin.sources.live.ros_spec import RosSettings
+from evertwin.sources.live.mqtt.parts import Count
+from evertwin.sources.live.ros.spec import RosSettings
 from evertwin.sources.robot_logs.bag_files import Connection, Message
 from evertwin.sources.robot_logs.ros_messages import Decoder, array_of, flat, stamp_of
 from evertwin.sources.spec import ArraySpec, SourceSpec

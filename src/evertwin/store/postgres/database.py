@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 from evertwin.errors import StoreDamaged, StoreError, StoreUnwritable, needs
 from evertwin.store.chain import Head
-from evertwin.store.database import Database, Foreign, Writing
+from evertwin.store.sql.database import Database, Foreign, Writing
 
 if TYPE_CHECKING:
     import psycopg

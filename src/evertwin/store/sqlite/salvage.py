@@ -20,11 +20,11 @@ from typing import Any
 from evertwin.errors import StoreDamaged, StoreError
 from evertwin.fold import Event
 from evertwin.store.chain import SEED, Entry, Head, link
-from evertwin.store.checkpoints import KEPT, shown_proof
-from evertwin.store.database import Database, Foreign
 from evertwin.store.kinds import KINDS, encode
-from evertwin.store.pages import Found, rows_in
-from evertwin.store.pieces import name_of, names_in, proof
+from evertwin.store.sql.checkpoints import KEPT, shown_proof
+from evertwin.store.sql.database import Database, Foreign
+from evertwin.store.sql.pieces import name_of, names_in, proof
+from evertwin.store.sqlite.pages import Found, rows_in
 
 COLUMNS: Mapping[str, tuple[type, ...]] = {
     "log": (type(None), int, str, int, str, str),

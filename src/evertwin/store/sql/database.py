@@ -16,7 +16,7 @@ from typing import Any, Protocol, runtime_checkable
 from evertwin.errors import StoreDamaged, StoreError, StoreUnwritable
 from evertwin.files import make_whole
 from evertwin.store.chain import Head
-from evertwin.store.steps import upgrade
+from evertwin.store.sql.steps import upgrade
 
 log = logging.getLogger("evertwin")
 MEMORY = ":memory:"

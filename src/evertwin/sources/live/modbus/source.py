@@ -4,7 +4,7 @@ Registers that touch are read in blocks of at most `MOST`. Where the machine has
 changes with each sample (``sequence``), it is read before and after the others; what changed in
 between is read again, and is no sample after `TRIES`.
 
->>> from evertwin.sources.live.modbus_spec import Register
+>>> from evertwin.sources.live.modbus.spec import Register
 >>> number_of(Register(0, "float32"), bytes.fromhex("42280000"), "big", "big")
 42.0
 >>> number_of(Register(0, "float32", word_order="little"), bytes.fromhex("00004228"), "big", "big")
@@ -31,8 +31,8 @@ from evertwin.sources.live.contract import Around
 from evertwin.sources.live.counted import Counted
 from evertwin.sources.live.decode import BAD, Columns, Raw
 from evertwin.sources.live.line import DOWN, Line
-from evertwin.sources.live.modbus_spec import ModbusSettings, Order, Register
-from evertwin.sources.live.modbus_wire import Refused, Wire, WrongFrame
+from evertwin.sources.live.modbus.spec import ModbusSettings, Order, Register
+from evertwin.sources.live.modbus.wire import Refused, Wire, WrongFrame
 from evertwin.sources.spec import SourceSpec
 
 MOST = 125

@@ -1,6 +1,6 @@
 """Is the log of a file what was written to it? All of it on demand, a share whenever it is opened.
 
->>> from evertwin.store.database import Database
+>>> from evertwin.store.sql.database import Database
 >>> database = Database(":memory:")
 >>> verify(database, 0)[0], look(database, 0)
 (Head(length=0, hash='287539cfca0c...'), 0)
@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from evertwin.errors import StoreDamaged
 from evertwin.store.chain import SEED, Entry, Head, chained
-from evertwin.store.database import Sql
+from evertwin.store.sql.database import Sql
 
 LOOKED_AT = 20_000
 """Entries that are verified when a store is opened: the next ones, again and again around."""

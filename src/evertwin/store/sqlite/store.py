@@ -2,7 +2,7 @@
 
 One table ``log`` holds every record in order, chained by hashes; the views ``events``,
 ``requests``, ``answers``, ``versions`` and ``estimates`` show each kind as columns to any SQLite
-tool. States are kept in pieces (`evertwin.store.pieces`). Nothing is ever unpickled.
+tool. States are kept in pieces (`evertwin.store.sql.pieces`). Nothing is ever unpickled.
 
 >>> store = SqliteStore(":memory:")
 >>> store.head.length, store.verify()
@@ -18,15 +18,15 @@ from pathlib import Path
 
 from evertwin.errors import NoStore, StoreDamaged, StoreError
 from evertwin.fold import Chunk, Event
-from evertwin.store.archive import DAY, Archive, day_of, edges
-from evertwin.store.archive import KIND as ARCHIVED
 from evertwin.store.chain import Head
-from evertwin.store.database import MEMORY, Database, Foreign
-from evertwin.store.lock import Lock
-from evertwin.store.pages import check_log
-from evertwin.store.salvage import finish, mark_of, rebuild
-from evertwin.store.sql import SqlStore
-from evertwin.store.tables import OLD
+from evertwin.store.sql.database import MEMORY, Database, Foreign
+from evertwin.store.sql.store import SqlStore
+from evertwin.store.sql.tables import OLD
+from evertwin.store.sqlite.archive import DAY, Archive, day_of, edges
+from evertwin.store.sqlite.archive import KIND as ARCHIVED
+from evertwin.store.sqlite.lock import Lock
+from evertwin.store.sqlite.pages import check_log
+from evertwin.store.sqlite.salvage import finish, mark_of, rebuild
 
 log = logging.getLogger("evertwin")
 

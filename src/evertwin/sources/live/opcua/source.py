@@ -26,8 +26,8 @@ from evertwin.sources.foreign import load
 from evertwin.sources.live.contract import UNCERTAIN, Around
 from evertwin.sources.live.decode import BAD, PROTOCOL, Columns, Raw
 from evertwin.sources.live.line import DOWN, Line, LineDown
-from evertwin.sources.live.opcua_group import Groups, Passed
-from evertwin.sources.live.opcua_spec import OpcuaSettings
+from evertwin.sources.live.opcua.groups import Groups, Passed
+from evertwin.sources.live.opcua.spec import OpcuaSettings
 from evertwin.sources.live.secrets import password
 from evertwin.sources.spec import SourceSpec
 from evertwin.trust import why_not

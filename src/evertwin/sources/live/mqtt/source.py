@@ -29,9 +29,9 @@ from evertwin.sources.foreign import load
 from evertwin.sources.live.contract import Around
 from evertwin.sources.live.decode import LATE, Columns, Raw
 from evertwin.sources.live.line import Line, LineDown
-from evertwin.sources.live.mqtt_line import LISTEN, Connection, Heard, heard
-from evertwin.sources.live.mqtt_parts import Count, NoMessage, place
-from evertwin.sources.live.mqtt_spec import MqttSettings, Part
+from evertwin.sources.live.mqtt.connection import LISTEN, Connection, Heard, heard
+from evertwin.sources.live.mqtt.parts import Count, NoMessage, place
+from evertwin.sources.live.mqtt.spec import MqttSettings, Part
 from evertwin.sources.live.secrets import password
 from evertwin.sources.live.stamping import AGAIN
 from evertwin.sources.spec import ArraySpec, SourceSpec

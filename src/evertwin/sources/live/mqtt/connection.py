@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from evertwin.sources.foreign import load
 from evertwin.sources.live.line import LineDown
-from evertwin.sources.live.mqtt_spec import MqttSettings
+from evertwin.sources.live.mqtt.spec import MqttSettings
 from evertwin.trust import Tls
 
 if TYPE_CHECKING:

@@ -17,7 +17,7 @@ from evertwin.errors import DataError
 from evertwin.ros.node import Raw, Subscription, node_at
 from evertwin.ros.spec import Place
 from evertwin.ros.topics import topics_of
-from evertwin.sources.live.ros_spec import RosSettings
+from evertwin.sources.live.ros.spec import RosSettings
 from evertwin.sources.robot_logs.bag_files import Connection as Topic
 from evertwin.sources.robot_logs.bag_files import Message
 from evertwin.sources.robot_logs.ros_messages import Decoder, array_of, flat, stamp_of

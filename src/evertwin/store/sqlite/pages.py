@@ -21,7 +21,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from evertwin.errors import StoreDamaged
-from evertwin.store.database import PAGE
+from evertwin.store.sql.database import PAGE
 
 Raw: TypeAlias = "bytes | mmap.mmap"
 Value: TypeAlias = "int | float | str | bytes | None"

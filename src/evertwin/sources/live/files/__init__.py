@@ -1,0 +1,1 @@
+"""Files that grow, and recordings that are replayed as if live."""

@@ -1,0 +1,1 @@
+"""Modbus TCP: registers that are read, never written."""

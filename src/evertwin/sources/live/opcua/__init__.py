@@ -1,0 +1,1 @@
+"""OPC UA: nodes that a server tells of, with their quality."""

@@ -1,0 +1,1 @@
+"""ROS 1: topics, heard by a process of its own."""

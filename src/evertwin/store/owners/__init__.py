@@ -1,0 +1,1 @@
+"""Which process may write of a twin."""

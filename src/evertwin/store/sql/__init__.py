@@ -1,0 +1,1 @@
+"""The record in tables of a database, whichever it is."""
