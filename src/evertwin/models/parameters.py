@@ -8,7 +8,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -135,8 +135,18 @@ class Parameters:
             for name in values:
                 self.index(name)
             pairs = [(item, values.get(item.name, item.value)) for item in self.items]
-        else:
-            pairs = list(zip(self.items, values.tolist(), strict=True))
+            return self._valued(pairs)
+        key = np.asarray(values, dtype=np.float64).tobytes()
+        if key not in self._newest:  # asked for again and again, of one version
+            self._newest.clear()
+            self._newest[key] = self._valued(zip(self.items, values.tolist(), strict=True))
+        return self._newest[key]
+
+    @cached_property
+    def _newest(self) -> dict[bytes, Parameters]:
+        return {}
+
+    def _valued(self, pairs: Iterable[tuple[Parameter, float]]) -> Parameters:
         return Parameters(tuple(replace(item, value=float(value)) for item, value in pairs))
 
     def __len__(self) -> int:

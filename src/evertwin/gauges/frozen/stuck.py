@@ -176,7 +176,7 @@ def _needed(
         part[a:b] = np.minimum(np.arange(b - a) // wide, PARTS - 1)
 
     def with_more(by: Vector) -> Outputs:
-        return left_with(rows.setup, rows.pose, rows.windows, (k, False), -by)
+        return left_with(rows.setup, rows.posed, rows.windows, (k, False), -by)
 
     slopes = [with_more(np.where(part == m, usual, 0.0)) - rows.before for m in range(PARTS)]
     columns = np.nan_to_num(np.stack(slopes, axis=2) / rows.sizes[:, None])  # (n, ny, parts)

@@ -62,6 +62,14 @@ class Rows:
         """The version as it is, on all rows."""
         return self.pose(self.windows)
 
+    def posed(self, windows: Windows) -> Problem:
+        """The version as it is, on rows that are read otherwise. A map expects of the same inputs
+        the same, whatever was measured."""
+        posed = self.pose(windows)
+        if posed.static and _alike(windows, self.windows):
+            posed.__dict__["mapped"] = self.whole.mapped
+        return posed
+
     @cached_property
     def since(self) -> int:
         """Position of the first row of the machine as it is now."""
@@ -191,7 +199,7 @@ class Rows:
     def under(self, one: Reading, windows: Windows) -> Outputs:
         """Residual under a reading, in what was recorded, (n, ny); far off where the model has no
         answer to what is read."""
-        posed = self.pose(windows)
+        posed = self.posed(windows)
         off = unchanged(posed) / self.sizes_under(one)
         lost = np.isfinite(self.before) & posed.rows.used & np.isfinite(posed.rows.y)
         return np.asarray(np.where(lost & ~np.isfinite(off), FAR * self.sizes, off))
@@ -228,9 +236,12 @@ class Rows:
                 found.append(window)
                 continue
             other = change(take(window, a, b))
-            columns = {name: getattr(window, name).copy() for name in ("u", "y", "mark")}
-            for name, column in columns.items():
-                column[a:b] = getattr(other, name)
+            columns = {}
+            for name in ("u", "y", "mark"):
+                new, old = getattr(other, name), getattr(window, name)
+                if not np.array_equal(new, old[a:b], equal_nan=name != "mark"):
+                    columns[name] = old.copy()
+                    columns[name][a:b] = new
             found.append(window._replace(**columns))
         return tuple(found)
 

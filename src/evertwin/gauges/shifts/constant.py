@@ -90,7 +90,7 @@ def _error(rows: Rows, columns: np.ndarray, left: Outputs, used: Bools) -> float
 def left_with(rows: Rows, one: Column, shift: float, stop: int | None = None) -> Outputs:
     """Residual with that taken off up to row ``stop``, in what was recorded."""
     by = _steady(rows, shift, stop)
-    return off_by.left_with(rows.setup, rows.pose, rows.windows, one, by)
+    return off_by.left_with(rows.setup, rows.posed, rows.windows, one, by)
 
 
 def _steady(rows: Rows, shift: float, stop: int | None = None) -> Vector:

@@ -196,7 +196,7 @@ def _size(off: Outputs, usual: Outputs, own: Outputs) -> float:
 
 def _slope(rows: Rows, k: int, by: Vector) -> Outputs:
     """What input ``k`` less ``by`` adds to the residual; 0 where it is not known, (n, ny)."""
-    more = left_with(rows.setup, rows.pose, rows.windows, (k, False), by) - rows.before
+    more = left_with(rows.setup, rows.posed, rows.windows, (k, False), by) - rows.before
     return np.asarray(np.where(np.isfinite(more), more, 0.0))
 
 

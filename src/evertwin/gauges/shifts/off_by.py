@@ -73,7 +73,7 @@ def learned(
         return None
 
     def left(by: Vector) -> Outputs:
-        return left_with(rows.setup, rows.pose, rows.windows, one, by)
+        return left_with(rows.setup, rows.posed, rows.windows, one, by)
 
     on, by, here = lines.any(axis=1), np.zeros(rows.count), rows.before
     for _ in range(STEPS):

@@ -29,14 +29,7 @@ import numpy as np
 
 from evertwin.errors import UsageError
 from evertwin.fold import Block
-from evertwin.models import (
-    KernelModel,
-    LinearModel,
-    Model,
-    Parameters,
-    Restart,
-    remembers,
-)
+from evertwin.models import KernelModel, LinearModel, Model, Parameters, Restart, remembers
 from evertwin.models.batch import Batch, mapped
 from evertwin.models.kernel import ANEW
 from evertwin.signals import wrap
@@ -273,12 +266,20 @@ class Problem:
 
     @cached_property
     def first(self) -> Outputs:
-        """`residuals` at the start values; of a map whose columns nobody has asked for yet without
-        them, which takes a tenth of the time."""
-        if self.linear and not len(self.model.states) and "reduced" not in self.__dict__:
-            y = mapped(self.model, self.rows.u, self.rows.dt, self._p)
-            return np.asarray(self.rows.y - self.smooth(y))
+        """`residuals` at the start values; of a map without its columns, a tenth of the work."""
+        if self.static and "reduced" not in self.__dict__:
+            return np.asarray(self.rows.y - self.mapped)
         return self.residuals(self.start)
+
+    @property
+    def static(self) -> bool:
+        """Is it a map, linear in what is tuned? What it expects depends on inputs alone."""
+        return self.linear and not len(self.model.states)
+
+    @cached_property
+    def mapped(self) -> Outputs:
+        """What it expects at the start values, filtered, (n, ny)."""
+        return np.asarray(self.smooth(mapped(self.model, self.rows.u, self.rows.dt, self._p)))
 
     def residuals(self, values: Vector) -> Outputs:
         """Measured − predicted, (n, ny), angles wrapped; NaN where a row does not count.
@@ -388,9 +389,8 @@ class Problem:
 
     def regressor(self, values: Vector) -> tuple[Outputs, Float64[np.ndarray, "n ny m"]]:
         """Filtered (y0, Phi) of a linear model; y0 holds all that is not in Phi's columns."""
-        rows, p = self.rows, self.full(values)
-        x0 = self.model.initial(p)
-        return self._smoothed(*self.model.regressor(x0, rows.u, rows.dt, p))  # type: ignore[attr-defined]
+        rows, p, model = self.rows, self.full(values), self.model
+        return self._smoothed(*model.regressor(model.initial(p), rows.u, rows.dt, p))  # type: ignore[attr-defined]
 
     def _smoothed(self, y0: Outputs, phi: Any) -> tuple[Outputs, Any]:
         if self.filter is None:
