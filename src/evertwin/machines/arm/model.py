@@ -327,13 +327,18 @@ class Arm(StaticMap):
         payload = self._payload_map if self.payload else None
         return BodyColumns(self.chain.geometry, self.base, payload)
 
+    @cached_property
+    def _places(self) -> Int64[np.ndarray, " k"]:
+        """Index into ``p`` of each tuned number of a body."""
+        items = layout.base_items(self.chain, self.base)
+        return self.parameters.indices([item.name for item in items])
+
     def bodies(self, p: ParameterVector) -> Float64[np.ndarray, "ny 10"]:
         """The ten numbers of each link at ``p``, the payload's in the last."""
-        out, known = self.chain.inertia.copy(), self.parameters
-        names = [item.name for item in layout.base_items(self.chain, self.base)]
-        out[list(self.base)] = p[known.indices(names)]
+        out = self.chain.inertia.copy()
+        out[list(self.base)] = p[self._places]
         if self.payload:
-            first = known.index("payload.m")
+            first = self.parameters.index("payload.m")
             out[-BODY:] += self._payload_map @ p[first : first + BODY]
         return out.reshape(-1, BODY)
 
