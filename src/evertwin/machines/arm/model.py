@@ -221,10 +221,8 @@ class Arm(StaticMap):
         others = np.concatenate(parts)
         kept = (self.chain.geometry.copy(), self.chain.inertia.copy(), others)
         addresses = (kept[0].ctypes.data, kept[1].ctypes.data, kept[2].ctypes.data)
-        turning = self.coupling, self.shafts
-        context = layout.context_of(
-            self.chain, self.base, self._drives, self.parameters, addresses, turning
-        )
+        own = (self.parameters, addresses, (self.coupling, self.shafts))
+        context = layout.context_of(self.chain, self.base, self._drives, *own)
         return Kernel(compiled.step, compiled.adopt, context, kept)
 
     def kernel(self) -> Kernel:
@@ -233,8 +231,7 @@ class Arm(StaticMap):
 
     def __getstate__(self) -> dict[str, Any]:
         """Without what is computed: addresses mean nothing in another process."""
-        own = self.__dict__.items()
-        return {key: value for key, value in own if key not in ("_kernel", "_bodies")}
+        return {k: v for k, v in self.__dict__.items() if k not in ("_kernel", "_bodies")}
 
     def simulate(
         self, x: StateVector, u: Inputs, dt: Intervals, p: ParameterVector
@@ -245,11 +242,10 @@ class Arm(StaticMap):
     @cached_property
     def _linear(self) -> linear.Columns:
         names = self.parameters.names
-        first = names.index(layout.base_items(self.chain, self.base)[0].name) if self.base else 0
         carried = names.index("payload.m") if self.payload else -1
         shaft = names.index(self.shafts[0].rung.add[0]) if self.shafts else -1
         carries = range(self.chain.n) if self.coupling is None else self.coupling.first
-        firsts = first, carried, shaft
+        firsts = self._first, carried, shaft
         return linear.columns_of(self._drives, self.base, firsts, tuple(carries), self.shafts)
 
     @property
@@ -328,15 +324,15 @@ class Arm(StaticMap):
         return BodyColumns(self.chain.geometry, self.base, payload)
 
     @cached_property
-    def _places(self) -> Int64[np.ndarray, " k"]:
-        """Index into ``p`` of each tuned number of a body."""
+    def _first(self) -> int:
+        """Place in ``p`` of the first tuned number of a body; 0: there is none."""
         items = layout.base_items(self.chain, self.base)
-        return self.parameters.indices([item.name for item in items])
+        return self.parameters.index(items[0].name) if items else 0
 
     def bodies(self, p: ParameterVector) -> Float64[np.ndarray, "ny 10"]:
         """The ten numbers of each link at ``p``, the payload's in the last."""
         out = self.chain.inertia.copy()
-        out[list(self.base)] = p[self._places]
+        out[list(self.base)] = p[self._first : self._first + len(self.base)]
         if self.payload:
             first = self.parameters.index("payload.m")
             out[-BODY:] += self._payload_map @ p[first : first + BODY]
