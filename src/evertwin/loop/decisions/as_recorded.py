@@ -14,13 +14,12 @@ import numpy as np
 from evertwin.fold import Block, Mark
 from evertwin.gauges.rows.sensor_change import unmeasured
 from evertwin.loop.decisions.decision import Decision
-from evertwin.loop.decisions.follow import EMPTY, Follow
+from evertwin.loop.decisions.follow import Follow
 from evertwin.loop.decisions.former import former
-from evertwin.loop.decisions.going_live import goes_live, switched, within
-from evertwin.loop.decisions.looking import returned
+from evertwin.loop.decisions.going_live import goes_back, within
 from evertwin.rows.ring import called
 from evertwin.setup.evaluation import left
-from evertwin.setup.twin_state import WATCH, TwinState
+from evertwin.setup.twin_state import TwinState
 
 BETTER = 0.5
 """Share of what the live version leaves of them that an earlier one leaves at most."""
@@ -38,33 +37,24 @@ def taken_as_recorded(decision: Decision, follow: Follow) -> None:
     old, off = _nearest(follow, state, found.since)
     if old < 0:
         return
-    live, outputs = state.live.version, setup.model.outputs
+    outputs, newest = setup.model.outputs, setup.ring.between(state.ring, found.since, state.row)
     names = [outputs.groups[g] for g in found.groups]
     why = f"{', '.join(names)} is within what is asked of version {old} as recorded"
     why = f"from {called(found.since)} on {why}: what was learned in between was the sensor"
-    evidence = {"since": found.since, "deviation_other": off}
-    reason = f"version {old} replaces {live}: {why}"
-    decision.say("rolled_back", "", reason, switched(follow, evidence, old))
+    goes_back(decision, follow, old, why, {"since": found.since, "left": off})
     for name in names:
         told = {"onset": found.since, "end": state.row - 1, "cause": "factor"}
         decision.say("measurement_restored", name, f"not off by a factor: {why}", told)
-    returned(decision, setup, follow.versions[live], follow.versions[old])
-    lane = state.first if old == state.first.version else follow.beside(state.live, old)
-    state = goes_live(follow, state._replace(other=lane), old, EMPTY, state.first)
-    track = state.live.track
+    track = decision.state.live.track
     track.begin_anew(found.groups)
-    newest = setup.ring.between(state.ring, found.since, state.row)[-1].y[-1]
-    read = np.where(np.isin(outputs.group_of, found.groups), newest, np.nan)
+    read = np.where(np.isin(outputs.group_of, found.groups), newest[-1].y[-1], np.nan)
     track.x[:] = follow.stages(old)[0].model.observe(track.x, read)
-    decision.state = state
-    hold = state.row + setup.holdoff
-    decision.remember(phase=WATCH, hold=hold, since=max(agenda.since, found.since), again=0)
 
 
 @unmeasured()
 def _nearest(follow: Follow, state: TwinState, since: int) -> tuple[int, float]:
     """The version that was live before and is within what is asked on the rows from ``since`` on,
-    as they are recorded, and the largest part that it is off by; −1: there is none."""
+    as they are recorded, and what it leaves of what the live one does; −1: there is none."""
     setup, versions, live = follow.setup, follow.versions, state.live.version
     windows = tuple(map(_unmarked, setup.ring.between(state.ring, since, state.row)))
     if not windows:

@@ -49,20 +49,28 @@ def recovered(decision: Decision, follow: Follow) -> None:
     if old < 0:
         state.recovery.tally[0] = OPEN
         return
+    since = evidence["since"]
+    why = f"from {called(since)} on the machine is again as at version {old}"
+    goes_back(decision, follow, old, f"{why}, as after a repair: {evidence['sentence']}", evidence)
+    tell_alternates(decision)
+
+
+def goes_back(
+    decision: Decision, follow: Follow, old: int, why: str, evidence: Mapping[str, Any]
+) -> None:
+    """A version that was live before is so again, since the row that ``evidence`` names."""
+    state, agenda, since = decision.state, decision.state.agenda, evidence["since"]
+    live = state.live.version
     if agenda.phase == TRIAL and state.other.version != old:
         said = f"version {state.other.version} was learned before the machine went back"
         decision.say("superseded", "", said, {"version": state.other.version})
-    live, since = state.live.version, evidence["since"]
-    why = f"from {called(since)} on the machine is again as at version {old}"
-    reason = f"version {old} replaces {live}: {why}, as after a repair: {evidence['sentence']}"
+    reason = f"version {old} replaces {live}: {why}"
     decision.say("rolled_back", "", reason, switched(follow, evidence, old))
     returned(decision, follow.setup, follow.versions[live], follow.versions[old])
-    own = old == state.first.version
-    lane = state.first if own else follow.beside(state.live, old)
+    lane = state.first if old == state.first.version else follow.beside(state.live, old)
     decision.state = goes_live(follow, state._replace(other=lane), old, EMPTY, state.first)
     hold = state.row + follow.setup.holdoff
     decision.remember(phase=WATCH, hold=hold, since=max(agenda.since, since), again=0)
-    tell_alternates(decision)
 
 
 @unmeasured()
