@@ -29,7 +29,7 @@ from evertwin.gauges.changes.change import split
 from evertwin.gauges.frozen.silent import silent
 from evertwin.gauges.rows.gauge_rows import LEAST, Rows
 from evertwin.gauges.rows.reading import Reading, possible
-from evertwin.gauges.rows.sensor_change import SensorChange, since_change, unmeasured
+from evertwin.gauges.rows.sensor_change import SensorChange, unmeasured
 from evertwin.gauges.shifts.offset import HELD, NEAR, offset
 from evertwin.gauges.units.kinematic import contradicted
 from evertwin.gauges.units.misread import ALIKE, PIECES, misread
@@ -166,9 +166,7 @@ def _helps(rows: Rows, one: Reading, first: int = 0) -> bool:
     """Does it explain half of the deviation on a few rows? Most readings explain nothing. What is
     hidden has its history: they are predicted behind all rows before. ``first``: 0 where unknown.
     """
-    if not first:
-        first = rows.since or since_change(rows.before[:, rows.setup.watched])
-        first = _onset(rows, one, first)
+    first = first or _onset(rows, one, rows.risen)
     places = np.flatnonzero(rows.scored(first) & np.isfinite(rows.before).any(axis=1))[:FEW]
     if not len(places):
         return False

@@ -11,7 +11,7 @@ import numpy as np
 from evertwin.errors import DataError, ModelError
 from evertwin.fold import Block, Windows, take
 from evertwin.gauges.rows.reading import Reading
-from evertwin.gauges.rows.sensor_change import Refused, unmeasured
+from evertwin.gauges.rows.sensor_change import Refused, since_change, unmeasured
 from evertwin.models.kernel import CONTINUE
 from evertwin.rows.channels import unit_told
 from evertwin.rows.ring import called
@@ -74,6 +74,11 @@ class Rows:
     def since(self) -> int:
         """Position of the first row of the machine as it is now."""
         return self.fitted if self.begins is None else self.begins
+
+    @cached_property
+    def risen(self) -> int:
+        """Position of the first row of another deviation, whatever is known of when that began."""
+        return self.since or since_change(self.before[:, self.setup.watched])
 
     @property
     def fitted(self) -> int:
