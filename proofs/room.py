@@ -29,8 +29,8 @@ import numpy as np
 from evertwin.signals.planar import between, compose, wrapped
 from evertwin.worlds.drive import WORLDS
 from evertwin.worlds.live.life import Planned, Samples
-from evertwin.worlds.live.robot import LiveRobot
-from evertwin.worlds.live.ros_bag import save_bag
+from evertwin.worlds.live.machines.robot import LiveRobot
+from evertwin.worlds.live.voices.ros_bag import save_bag
 from proofs._verdict import ended, holds
 
 SECONDS = 240.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from evertwin.correction.improve import Selection, improve
+from evertwin.correction.search.improve import Selection, improve
 from evertwin.fold import Block, make_block
 from evertwin.machines.mobile import Differential
 from evertwin.models.form import Form

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evertwin.correction.improve import Proposal, Selection, improve
-from evertwin.correction.slides import slid_numbers
+from evertwin.correction.numbers.slides import slid_numbers
+from evertwin.correction.search.improve import Proposal, Selection, improve
 from evertwin.fold import Block, make_block
 from evertwin.machines.mobile import Differential, Robot1D
 from evertwin.models.form import Form, Term

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from evertwin.correction.improve import Selection, improve
+from evertwin.correction.search.improve import Selection, improve
 from evertwin.fold import make_block
 from evertwin.machines.mobile import Robot1D
 from evertwin.machines.thermal import ThermalBox

@@ -8,8 +8,8 @@ import pytest
 from evertwin.correction.candidates import propose
 from evertwin.correction.describe import describe
 from evertwin.correction.evidence import gather
-from evertwin.correction.fitting import fit_candidate
-from evertwin.correction.improve import Selection, improve
+from evertwin.correction.numbers.fitting import fit_candidate
+from evertwin.correction.search.improve import Selection, improve
 from evertwin.correction.stack import Stack, stack_of
 from evertwin.errors import DataError, UsageError
 from evertwin.fold import Block, make_block, take

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from evertwin.correction.evidence import gather
-from evertwin.correction.intervals import Known, profiled, scattered
+from evertwin.correction.numbers.intervals import Known, profiled, scattered
 from evertwin.fold import Block, make_block
 from evertwin.machines.mobile import Robot1D
 from evertwin.models.corrected import Corrected

@@ -13,7 +13,7 @@ import pytest
 from evertwin import Twin, TwinSpec
 from evertwin.anomaly.spec import AnomalySpec
 from evertwin.config.spec import CorrectionSpec, ModelSpec, PredictionSpec, Span
-from evertwin.correction.improve import Proposal, Selection, improve
+from evertwin.correction.search.improve import Proposal, Selection, improve
 from evertwin.errors import UsageError
 from evertwin.fold import Block, make_block
 from evertwin.machines.mobile import Differential, Robot1D

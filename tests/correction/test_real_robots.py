@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 from evertwin.correction.evidence import gather
-from evertwin.correction.improve import Proposal, Selection, improve
+from evertwin.correction.search.improve import Proposal, Selection, improve
 from evertwin.fold import Block, make_block, take
 from evertwin.machines.mobile import Differential, Odometer
 from evertwin.models import Model

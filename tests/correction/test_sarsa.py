@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from evertwin.correction import sarsa_explore_loop as exploring
-from evertwin.correction import sarsa_learn_loop as learning
-from evertwin.correction.sarsa import Sarsa, SarsaState, learn_table
-from evertwin.correction.sarsa_settings import SarsaSettings, findings, propose
+from evertwin.correction.translation import explore_loop as exploring
+from evertwin.correction.translation import learn_loop as learning
+from evertwin.correction.translation.sarsa import Sarsa, SarsaState, learn_table
+from evertwin.correction.translation.sarsa_settings import SarsaSettings, findings, propose
 from evertwin.errors import UsageError
 from evertwin.fold import Block, Mark, check_online, copy, equal, fold, make_block, take
 from evertwin.machines.mobile import Robot1D

@@ -17,7 +17,7 @@ from evertwin.config.spec import (
 )
 from evertwin.fold import Event
 from evertwin.models.form import Form, Term, Version
-from evertwin.outcome.changes import changes, in_words
+from evertwin.outcome.course.changes import changes, in_words
 from evertwin.refit.tuner.judgement import partly
 from evertwin.twin import Twin
 from planted.draws import first_of

@@ -12,11 +12,11 @@ from evertwin.config.spec import AnomalySpec, ModelSpec, MovingSpec, PredictionS
 from evertwin.correction.spec import CorrectionSpec
 from evertwin.errors import UsageError
 from evertwin.fold import Event
+from evertwin.outcome.course.jumps import usual_most
+from evertwin.outcome.course.lives import went_back
 from evertwin.outcome.headline import first_of_rows, headline
-from evertwin.outcome.jumps import usual_most
-from evertwin.outcome.lives import went_back
-from evertwin.outcome.open_faults import open_faults
-from evertwin.outcome.open_trial import OpenTrial
+from evertwin.outcome.open.faults import open_faults
+from evertwin.outcome.open.on_trial import OpenTrial
 from evertwin.outcome.result import OutputFigures
 from evertwin.signals.spoken import both, spoken
 from evertwin.sources.clocks.tally import Tally

@@ -8,7 +8,7 @@ import numpy as np
 
 from evertwin.config.spec import ModelSpec, PredictionSpec, TwinSpec
 from evertwin.fold import Event
-from evertwin.outcome.summed_up import summed_up
+from evertwin.outcome.course.summed_up import summed_up
 from evertwin.twin import Twin
 
 

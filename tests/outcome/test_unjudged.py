@@ -10,8 +10,8 @@ import pytest
 
 from evertwin.config.spec import AnomalySpec, ModelSpec, PredictionSpec, TwinSpec
 from evertwin.machines.thermal import ThermalBox
+from evertwin.outcome.open.unjudged import unjudged
 from evertwin.outcome.result import RunResult
-from evertwin.outcome.unjudged import unjudged
 from evertwin.twin import Twin
 
 SPEC = TwinSpec(

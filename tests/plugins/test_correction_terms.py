@@ -11,8 +11,8 @@ import pytest
 
 from evertwin.correction.describe import describe
 from evertwin.correction.evidence import gather
-from evertwin.correction.improve import Selection, improve
-from evertwin.correction.intervals import profiled
+from evertwin.correction.numbers.intervals import profiled
+from evertwin.correction.search.improve import Selection, improve
 from evertwin.correction.stack import stack_of
 from evertwin.errors import ConfigError, LawBroken, UsageError
 from evertwin.fold import Block, make_block

@@ -13,7 +13,7 @@ from evertwin.errors import DataError, ModelError
 from evertwin.sources.texts.small_table import read_table
 from evertwin.worlds.camera import Lamp, Lens, Look, Material, View, shaded, traced
 from evertwin.worlds.eye import COLUMNS
-from evertwin.worlds.live.robot import LiveRobot
+from evertwin.worlds.live.machines.robot import LiveRobot
 from evertwin.worlds.looks import drawn, names, plain
 from evertwin.worlds.scenes import hall, marked, view
 from evertwin.worlds.shots import main, of_poses

@@ -29,12 +29,12 @@ from evertwin.app.machine.live_processes import (
 )
 from evertwin.errors import DataError, UsageError
 from evertwin.service.site.site_plan import read_site
-from evertwin.worlds.live.modbus import Registers
-from evertwin.worlds.live.mqtt import MqttPublisher
+from evertwin.worlds.live.machines.robot import LiveRobot
+from evertwin.worlds.live.machines.sensors import Sensors, faults
 from evertwin.worlds.live.orders import Knob, Knobs
-from evertwin.worlds.live.robot import LiveRobot
-from evertwin.worlds.live.sensors import Sensors, faults
-from evertwin.worlds.live.voices import inside
+from evertwin.worlds.live.voices.modbus import Registers
+from evertwin.worlds.live.voices.mqtt import MqttPublisher
+from evertwin.worlds.live.voices.voices import inside
 from tests.sources.live.peers import need
 
 TABLE = Registers(("cycle", *(f"{n}{a}" for n in ("q", "qd", "tau") for a in range(1, 7))))

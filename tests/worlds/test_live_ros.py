@@ -20,7 +20,7 @@ from evertwin.ros.topics import simulate
 from evertwin.ros.transforms import transforms
 from evertwin.sources.live import open_live
 from evertwin.sources.robot_logs.bag_files import messages
-from evertwin.worlds.live.ros import TYPES, RosVoice
+from evertwin.worlds.live.voices.ros import TYPES, RosVoice
 from tests.sources.live.peers import free_port
 from tests.sources.live.ros_peers import master
 

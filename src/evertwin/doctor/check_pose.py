@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from evertwin.correction.improve import Proposal, Selection, improve
-from evertwin.correction.own_numbers import few_numbers
+from evertwin.correction.search.improve import Proposal, Selection, improve
+from evertwin.correction.search.own_numbers import few_numbers
 from evertwin.doctor.examination import View
 from evertwin.doctor.finding import Finding
 from evertwin.errors import TooFew

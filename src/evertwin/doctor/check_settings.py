@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from evertwin.correction.command_effect import command_effects
-from evertwin.correction.sarsa_settings import findings
+from evertwin.correction.translation.command_effect import command_effects
+from evertwin.correction.translation.sarsa_settings import findings
 from evertwin.doctor.examination import View
 from evertwin.doctor.finding import Finding
 from evertwin.errors import DataError, ModelError, UsageError

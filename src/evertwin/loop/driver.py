@@ -22,7 +22,7 @@ from evertwin.loop.decisions.decide import Decide
 from evertwin.loop.decisions.follow import EMPTY, Follow, Followed
 from evertwin.loop.decisions.former import none, with_live
 from evertwin.loop.slow_work import SlowWork
-from evertwin.outcome.changes import spelled
+from evertwin.outcome.course.changes import spelled
 from evertwin.refit.work import Work
 from evertwin.rows.ring import NO_ROWS
 from evertwin.setup.deviation import begun_with, new_usual

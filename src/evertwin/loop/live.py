@@ -38,9 +38,9 @@ from evertwin.loop.loading import FeedState, Rate
 from evertwin.loop.observer import Observer, succeeded
 from evertwin.loop.run import Run, settings_hash
 from evertwin.models.form import Version
-from evertwin.outcome.changes import changes
+from evertwin.outcome.course.changes import changes
 from evertwin.outcome.headline import also_pinned, headline
-from evertwin.outcome.open_trial import OpenTrial, open_trial
+from evertwin.outcome.open.on_trial import OpenTrial, open_trial
 from evertwin.outcome.result import OutputFigures, RunResult
 from evertwin.outcome.view import View
 from evertwin.rows.alignment import Alignment, AlignmentState

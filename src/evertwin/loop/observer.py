@@ -18,14 +18,14 @@ from evertwin.loop.driver import Driver
 from evertwin.models import Parameters
 from evertwin.models.form import Version
 from evertwin.outcome.asked_of import limits
+from evertwin.outcome.course.jumps import usual_most
+from evertwin.outcome.course.lives import lives
+from evertwin.outcome.course.spells import spell
 from evertwin.outcome.headline import also_pinned, failed_first, headline, unless_at_rest, wrong
-from evertwin.outcome.jumps import usual_most
-from evertwin.outcome.lives import lives
-from evertwin.outcome.open_trial import open_trial
+from evertwin.outcome.open.on_trial import open_trial
+from evertwin.outcome.open.unjudged import at_rest, unjudged
 from evertwin.outcome.result import OutputFigures, RunResult
-from evertwin.outcome.spells import spell
 from evertwin.outcome.trace import Tail, Trace
-from evertwin.outcome.unjudged import at_rest, unjudged
 from evertwin.setup.deviation import deviation, judged_deviation
 from evertwin.setup.setup import Setup
 from evertwin.setup.twin_state import TwinState

@@ -12,7 +12,7 @@ from collections.abc import Iterable
 
 from evertwin.fold import Answer, Event
 from evertwin.ledger.begun import Begun
-from evertwin.outcome.lives import SWITCHES
+from evertwin.outcome.course.lives import SWITCHES
 from evertwin.store import Store
 
 

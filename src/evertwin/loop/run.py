@@ -32,9 +32,9 @@ from evertwin.loop.driver import Driver
 from evertwin.loop.observer import Observer
 from evertwin.loop.retold import Retold
 from evertwin.outcome.headline import first_of_rows
-from evertwin.outcome.open_faults import KINDS, open_faults
+from evertwin.outcome.open.faults import KINDS, open_faults
+from evertwin.outcome.open.unperceived import unperceived
 from evertwin.outcome.result import RunResult
-from evertwin.outcome.unperceived import unperceived
 from evertwin.rows.feed import ALONE, Data, Feed
 from evertwin.rows.rate import measured
 from evertwin.setup.setup import Setup

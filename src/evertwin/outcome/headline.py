@@ -17,16 +17,16 @@ from evertwin.fold import Event
 from evertwin.gauges.changes.unseen_inputs import OUTSIDE
 from evertwin.models.failures import Failed
 from evertwin.models.form import Version
-from evertwin.outcome.changes import changes
-from evertwin.outcome.contradicted import contradicted
-from evertwin.outcome.jumps import believed, forgotten, jumps
-from evertwin.outcome.lives import returned, went_back
-from evertwin.outcome.nothing_better import CLEAR, nothing_better, of_a_sensor, two_clocks
-from evertwin.outcome.open_faults import open_faults
-from evertwin.outcome.open_trial import OpenTrial, shorter
+from evertwin.outcome.course.changes import changes
+from evertwin.outcome.course.contradicted import contradicted
+from evertwin.outcome.course.jumps import believed, forgotten, jumps
+from evertwin.outcome.course.lives import returned, went_back
+from evertwin.outcome.open.faults import open_faults
+from evertwin.outcome.open.nothing_better import CLEAR, nothing_better, of_a_sensor, two_clocks
+from evertwin.outcome.open.on_trial import OpenTrial, shorter
+from evertwin.outcome.open.unjudged import none_judged
+from evertwin.outcome.open.unperceived import unperceived
 from evertwin.outcome.result import OutputFigures
-from evertwin.outcome.unjudged import none_judged
-from evertwin.outcome.unperceived import unperceived
 from evertwin.rows.ring import called
 from evertwin.setup.setup import Setup
 from evertwin.signals.spoken import both, share, spoken

@@ -20,11 +20,11 @@ from evertwin.fold import Event, interval, plain
 from evertwin.models import Model, Parameters
 from evertwin.models.failures import Failed
 from evertwin.models.form import Form, Version
+from evertwin.outcome.course.spells import Spell
+from evertwin.outcome.course.summed_up import Several, summed_up
 from evertwin.outcome.not_counted import uncounted
-from evertwin.outcome.open_trial import OpenTrial, shorter
+from evertwin.outcome.open.on_trial import OpenTrial, shorter
 from evertwin.outcome.shell import Shell
-from evertwin.outcome.spells import Spell
-from evertwin.outcome.summed_up import Several, summed_up
 from evertwin.signals.spoken import MANY, both, percent, share, suited
 from evertwin.sources.clocks.tally import Tally
 from evertwin.types import Json

@@ -23,7 +23,7 @@ from evertwin.sources.texts.small_table import read_table
 from evertwin.worlds.camera import View, traced
 from evertwin.worlds.eye import HEIGHT, LENS, Shot, carried, save_rows, shot
 from evertwin.worlds.live.contract import Sample
-from evertwin.worlds.live.ros_bag import save_bag
+from evertwin.worlds.live.voices.ros_bag import save_bag
 from evertwin.worlds.looks import drawn, plain
 from evertwin.worlds.scenes import hall, view
 

@@ -16,8 +16,8 @@ from evertwin.sources.live.look import SHOWN, look
 from evertwin.sources.live.registry import read_settings
 from evertwin.sources.live.ros.spec import RosSettings
 from evertwin.sources.live.ros.topics import look_ros, wanted
-from evertwin.worlds.live.broker import OwnBroker
-from evertwin.worlds.live.mqtt import MqttPublisher
+from evertwin.worlds.live.voices.broker import OwnBroker
+from evertwin.worlds.live.voices.mqtt import MqttPublisher
 from tests.sources.live.peers import free_port
 from tests.sources.live.ros_peers import master
 from tests.sources.live.test_modbus import server

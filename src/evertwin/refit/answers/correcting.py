@@ -12,18 +12,18 @@ from dataclasses import fields, replace
 
 import numpy as np
 
-from evertwin.correction.absorbed import plainest
-from evertwin.correction.command_effect import command_effects
 from evertwin.correction.describe import describe
 from evertwin.correction.evidence import gather, mean_deviation
-from evertwin.correction.improve import Gain, Proposal, Selection, improve
-from evertwin.correction.own_numbers import few_numbers
-from evertwin.correction.refine_law import refine_law
-from evertwin.correction.sarsa import learn_table
-from evertwin.correction.sarsa_settings import SarsaSettings
-from evertwin.correction.sarsa_settings import propose as propose_actions
-from evertwin.correction.sarsa_table import Table
+from evertwin.correction.search.absorbed import plainest
+from evertwin.correction.search.improve import Gain, Proposal, Selection, improve
+from evertwin.correction.search.own_numbers import few_numbers
 from evertwin.correction.stack import stack_of
+from evertwin.correction.translation.command_effect import command_effects
+from evertwin.correction.translation.refine_law import refine_law
+from evertwin.correction.translation.sarsa import learn_table
+from evertwin.correction.translation.sarsa_settings import SarsaSettings
+from evertwin.correction.translation.sarsa_settings import propose as propose_actions
+from evertwin.correction.translation.table import Table
 from evertwin.errors import TooFew
 from evertwin.fold import Windows
 from evertwin.ledger.versions import Versions

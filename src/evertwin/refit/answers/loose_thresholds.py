@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from evertwin.correction.slides import slid_numbers, slides
+from evertwin.correction.numbers.slides import slid_numbers, slides
 from evertwin.errors import TooFew
 from evertwin.fold import Windows
 from evertwin.gauges.changes.change import PART, split

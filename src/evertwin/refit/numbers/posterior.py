@@ -1,7 +1,7 @@
 """What is known of a correction's numbers: an interval and a verdict for each, as learned.
 
 Numbers with a slope have the interval of a fit; numbers whose cost has steps, nodes of a grid and
-what a fit calls undetermined have that of `evertwin.correction.intervals`.
+what a fit calls undetermined have that of `evertwin.correction.numbers.intervals`.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from typing import Any
 
 from evertwin.correction.describe import describe
 from evertwin.correction.evidence import gather
-from evertwin.correction.improve import Proposal
-from evertwin.correction.intervals import parameters, profiled, scattered
+from evertwin.correction.numbers.intervals import parameters, profiled, scattered
+from evertwin.correction.search.improve import Proposal
 from evertwin.correction.stack import stack_of
 from evertwin.fold import Block, plain
 from evertwin.models import Model

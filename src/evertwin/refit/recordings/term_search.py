@@ -18,8 +18,8 @@ import numpy as np
 
 from evertwin.correction.candidates import propose
 from evertwin.correction.describe import describe
-from evertwin.correction.improve import Proposal, Selection, improve
-from evertwin.correction.own_numbers import few_numbers
+from evertwin.correction.search.improve import Proposal, Selection, improve
+from evertwin.correction.search.own_numbers import few_numbers
 from evertwin.correction.stack import stack_of
 from evertwin.errors import ConfigError, DataError
 from evertwin.fold import Block

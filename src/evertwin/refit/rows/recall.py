@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from evertwin.correction.sarsa_settings import SarsaSettings
+from evertwin.correction.translation.sarsa_settings import SarsaSettings
 from evertwin.fold import Block, Windows, take
 from evertwin.gauges.changes.change import split
 from evertwin.sync.horizon.horizon import nanoseconds

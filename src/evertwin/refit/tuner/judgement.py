@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from evertwin.anomaly.verdict import Verdict, branch, explained
-from evertwin.correction.improve import Selection
+from evertwin.correction.search.improve import Selection
 from evertwin.gauges.changes.change import likely, split
 from evertwin.gauges.changes.noise import buried
 from evertwin.gauges.rows.gauge_rows import unchanged

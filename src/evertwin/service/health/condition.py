@@ -26,7 +26,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from evertwin.outcome.open_faults import lasts
+from evertwin.outcome.open.faults import lasts
 from evertwin.service.health.deviation_now import Now
 from evertwin.service.health.past_tense import past
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from evertwin.models import Model
-from evertwin.outcome.open_faults import lasts
+from evertwin.outcome.open.faults import lasts
 from evertwin.types import Bool
 
 KEPT = 64

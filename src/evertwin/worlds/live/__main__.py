@@ -12,13 +12,13 @@ import sys
 
 from evertwin.errors import EvertwinError
 from evertwin.ros.spec import Place
-from evertwin.worlds.live.arm_voice import ArmVoice
 from evertwin.worlds.live.contract import Machine
 from evertwin.worlds.live.life import Life
 from evertwin.worlds.live.making import machine_of, parser, samples_of
-from evertwin.worlds.live.robot_voice import RobotVoice
-from evertwin.worlds.live.ros import RosVoice
-from evertwin.worlds.live.voices import Voice, address
+from evertwin.worlds.live.voices.arm_voice import ArmVoice
+from evertwin.worlds.live.voices.robot_voice import RobotVoice
+from evertwin.worlds.live.voices.ros import RosVoice
+from evertwin.worlds.live.voices.voices import Voice, address
 
 
 def _given(arguments: list[str] | None) -> argparse.Namespace:

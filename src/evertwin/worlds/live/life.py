@@ -20,7 +20,7 @@ from evertwin.errors import UsageError
 from evertwin.worlds.live.contract import Machine, Sample
 from evertwin.worlds.live.control import Control
 from evertwin.worlds.live.pace import Pace
-from evertwin.worlds.live.voices import Voice
+from evertwin.worlds.live.voices.voices import Voice
 
 BEHIND = 0.5
 """Seconds that a machine may be late before its clock is no longer held to ours."""

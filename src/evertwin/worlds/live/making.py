@@ -7,12 +7,12 @@ import math
 from pathlib import Path
 
 from evertwin.worlds.drive import WORLDS
-from evertwin.worlds.live.arm import LiveArm
-from evertwin.worlds.live.cable import cables
 from evertwin.worlds.live.contract import Machine
 from evertwin.worlds.live.life import Planned, Samples
+from evertwin.worlds.live.machines.arm import LiveArm
+from evertwin.worlds.live.machines.robot import LiveRobot
 from evertwin.worlds.live.orders import Knob
-from evertwin.worlds.live.robot import LiveRobot
+from evertwin.worlds.live.voices.cable import cables
 
 SPEEDS = (0.001, 1000.0)
 

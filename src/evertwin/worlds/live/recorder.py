@@ -21,9 +21,9 @@ from evertwin.errors import EvertwinError
 from evertwin.types import Vector
 from evertwin.worlds.eye import save_rows
 from evertwin.worlds.live.contract import Sample
+from evertwin.worlds.live.machines.robot import LiveRobot
 from evertwin.worlds.live.making import machine_of, parser, samples_of
-from evertwin.worlds.live.robot import LiveRobot
-from evertwin.worlds.live.ros_bag import save_bag
+from evertwin.worlds.live.voices.ros_bag import save_bag
 from evertwin.worlds.save import save
 
 

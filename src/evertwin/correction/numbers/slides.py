@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from evertwin.correction.candidates import propose
 from evertwin.correction.evidence import gather
-from evertwin.correction.sliding import SHARES, slid
+from evertwin.correction.numbers.sliding import SHARES, slid
 from evertwin.correction.stack import stack_of
 from evertwin.fold import Windows
 from evertwin.models import Model

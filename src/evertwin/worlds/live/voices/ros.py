@@ -28,8 +28,8 @@ from evertwin.backoff import Backoff
 from evertwin.ros.node import LATE, Node, NodeDown, node_at
 from evertwin.ros.spec import Place
 from evertwin.ros.topics import simulate
-from evertwin.worlds.live.cable import Cable
 from evertwin.worlds.live.contract import Sample
+from evertwin.worlds.live.voices.cable import Cable
 
 CONNECT = 1.0
 """Seconds in which who waits for the topics can connect, before the machine begins."""

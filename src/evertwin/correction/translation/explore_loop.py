@@ -18,7 +18,7 @@ the set-point changed in it), does it begin an episode, training number, is the 
 
 
 class Lanes(NamedTuple):
-    """The simulations from row to row, as in `evertwin.correction.sarsa.SarsaState`.
+    """The simulations from row to row, as in `evertwin.correction.translation.sarsa.SarsaState`.
 
     >>> Lanes._fields
     ('p', 'x0', 'x', 'elapsed', 'n', 'watched')

@@ -25,7 +25,7 @@ from dataclasses import replace
 import numpy as np
 
 from evertwin.correction.evidence import Evidence, mean_deviation
-from evertwin.correction.fitting import settled
+from evertwin.correction.numbers.fitting import settled
 from evertwin.correction.stack import Stack
 
 PROBED = 1.05

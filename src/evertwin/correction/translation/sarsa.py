@@ -28,12 +28,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evertwin.correction import sarsa_explore_loop as exploring
-from evertwin.correction import sarsa_learn_loop as learning
-from evertwin.correction.sarsa_explore_loop import Exploration, Lanes
-from evertwin.correction.sarsa_learn_loop import Learned, Rule
-from evertwin.correction.sarsa_settings import SarsaSettings
-from evertwin.correction.sarsa_table import Table, read_table
+from evertwin.correction.translation import explore_loop as exploring
+from evertwin.correction.translation import learn_loop as learning
+from evertwin.correction.translation.explore_loop import Exploration, Lanes
+from evertwin.correction.translation.learn_loop import Learned, Rule
+from evertwin.correction.translation.sarsa_settings import SarsaSettings
+from evertwin.correction.translation.table import Table, read_table
 from evertwin.fold import Block, Event, Out, copy
 from evertwin.models import Kernel, Model, kernel_of
 from evertwin.models.kernel import looped

@@ -7,7 +7,7 @@ import logging
 from amqtt.broker import Broker
 from amqtt.contexts import BrokerConfig, ListenerConfig
 
-from evertwin.worlds.live.cable import Address
+from evertwin.worlds.live.voices.cable import Address
 
 
 class OwnBroker:

@@ -38,13 +38,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.special import ndtri, stdtr
 
-from evertwin.correction.absorbed import plainest
 from evertwin.correction.candidates import propose, unstarted
 from evertwin.correction.describe import describe
 from evertwin.correction.evidence import Evidence, asked_of, gather, mean_deviation
-from evertwin.correction.fitting import Scored, confirm, fit_candidate, refit, started
-from evertwin.correction.own_numbers import own_numbers, unmoved
-from evertwin.correction.simpler import SWAP, simpler
+from evertwin.correction.numbers.fitting import Scored, confirm, fit_candidate, refit, started
+from evertwin.correction.search.absorbed import plainest
+from evertwin.correction.search.own_numbers import own_numbers, unmoved
+from evertwin.correction.search.simpler import SWAP, simpler
 from evertwin.correction.stack import Stack, stack_of
 from evertwin.errors import TooFew, UsageError
 from evertwin.fold import Block, plain

@@ -21,7 +21,7 @@ from pymodbus.constants import ExcCodes
 from pymodbus.server import ModbusTcpServer
 from pymodbus.simulator import DataType, SimData, SimDevice
 
-from evertwin.worlds.live.cable import Address
+from evertwin.worlds.live.voices.cable import Address
 
 UNIT = 1
 WIDTH = {"seq": (2, "I"), "t": (4, "d")}

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from evertwin.worlds.live.broker import OwnBroker
-from evertwin.worlds.live.cable import Address, Cable
 from evertwin.worlds.live.contract import Sample
 from evertwin.worlds.live.control import LOOPBACK
-from evertwin.worlds.live.mqtt import MqttPublisher
+from evertwin.worlds.live.voices.broker import OwnBroker
+from evertwin.worlds.live.voices.cable import Address, Cable
+from evertwin.worlds.live.voices.mqtt import MqttPublisher
 
 
 class RobotVoice:

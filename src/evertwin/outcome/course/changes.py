@@ -14,7 +14,7 @@ from evertwin.fold import Event
 from evertwin.ledger.versions import Versions
 from evertwin.models.corrected import Corrected, build
 from evertwin.models.form import Version
-from evertwin.outcome.open_trial import shorter
+from evertwin.outcome.open.on_trial import shorter
 from evertwin.setup.setup import Setup
 from evertwin.tuning.posing.recordings import initials
 

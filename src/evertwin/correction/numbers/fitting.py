@@ -25,7 +25,7 @@ import numpy as np
 import scipy
 
 from evertwin.correction.evidence import Evidence, mean_deviation
-from evertwin.correction.sliding import cost_of, slid
+from evertwin.correction.numbers.sliding import cost_of, slid
 from evertwin.correction.stack import Part, Stack, bounded
 from evertwin.models.corrected import effective_inputs
 from evertwin.models.terms.contract import Candidate, GridTerm, Prior

@@ -13,7 +13,7 @@ from datetime import UTC, datetime, timedelta
 
 from asyncua import Server, ua
 
-from evertwin.worlds.live.cable import Address
+from evertwin.worlds.live.voices.cable import Address
 
 NAMESPACE = "urn:evertwin:machine"
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)

@@ -18,7 +18,7 @@ from typing import Any
 
 from evertwin.sources.foreign import load
 from evertwin.worlds.live.contract import Sample
-from evertwin.worlds.live.ros import TYPES, mounted, said, stamp, transform
+from evertwin.worlds.live.voices.ros import TYPES, mounted, said, stamp, transform
 
 CAMERA = "/camera/image_raw/compressed"
 

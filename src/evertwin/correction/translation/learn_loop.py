@@ -15,7 +15,7 @@ of this training, sample at which the table last changed, training number, rando
 
 
 class Rule(NamedTuple):
-    """What `evertwin.correction.sarsa_settings.SarsaSettings` say of learning.
+    """What `evertwin.correction.translation.sarsa_settings.SarsaSettings` say of learning.
 
     >>> Rule._fields[:3]
     ('near', 'reward', 'penalty')
@@ -39,7 +39,7 @@ class Rule(NamedTuple):
 
 
 class Learned(NamedTuple):
-    """What was learned so far, as in `evertwin.correction.sarsa.SarsaState`.
+    """What was learned so far, as in `evertwin.correction.translation.sarsa.SarsaState`.
 
     >>> Learned._fields[:3]
     ('q', 'tried', 'deviation')

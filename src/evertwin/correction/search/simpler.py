@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from evertwin.correction.evidence import Evidence
-from evertwin.correction.fitting import Scored, confirm, fit_candidate
+from evertwin.correction.numbers.fitting import Scored, confirm, fit_candidate
 from evertwin.models.terms.contract import Candidate
 
 SWAP = 1.0

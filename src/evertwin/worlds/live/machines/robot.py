@@ -28,9 +28,9 @@ from evertwin.worlds.camera import traced
 from evertwin.worlds.drive import WORLDS, Drive, commands, sweep, target
 from evertwin.worlds.eye import LENS, Shot, carried, shot
 from evertwin.worlds.live.contract import Sample
-from evertwin.worlds.live.hall import HALF, MIDDLE, PEOPLE, SCENE, Lidar, People
+from evertwin.worlds.live.machines.hall import HALF, MIDDLE, PEOPLE, SCENE, Lidar, People
+from evertwin.worlds.live.machines.sensors import Sensors, faults
 from evertwin.worlds.live.orders import Knob, Knobs
-from evertwin.worlds.live.sensors import Sensors, faults
 from evertwin.worlds.looks import drawn
 from evertwin.worlds.robot import servo
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from evertwin.worlds.live.cable import Address, Cable
 from evertwin.worlds.live.contract import Sample
-from evertwin.worlds.live.modbus import ModbusServer, Registers
-from evertwin.worlds.live.opcua import OpcUaServer
-from evertwin.worlds.live.voices import inside
+from evertwin.worlds.live.voices.cable import Address, Cable
+from evertwin.worlds.live.voices.modbus import ModbusServer, Registers
+from evertwin.worlds.live.voices.opcua import OpcUaServer
+from evertwin.worlds.live.voices.voices import inside
 
 
 class ArmVoice:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from evertwin.correction.sarsa_settings import SarsaSettings
+from evertwin.correction.translation.sarsa_settings import SarsaSettings
 from evertwin.types import Bool, Float64, Int64, Vector
 
 

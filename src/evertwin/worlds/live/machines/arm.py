@@ -16,8 +16,8 @@ import numpy as np
 from evertwin.types import Vector
 from evertwin.worlds.arm import Cycle, Truth, load, planned
 from evertwin.worlds.live.contract import Sample
+from evertwin.worlds.live.machines.sensors import Sensors, faults
 from evertwin.worlds.live.orders import Knob, Knobs
-from evertwin.worlds.live.sensors import Sensors, faults
 
 STEP = 0.002
 EVERY = 50

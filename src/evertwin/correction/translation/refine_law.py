@@ -14,8 +14,8 @@ the machine stood still wins. The variants have different numbers of parameters:
 information criterion, n·ln(Σr²/n) + k·ln n, decides between them. All of them race: after a step or
 a few, one that leaves many times as much as the best is fitted no further.
 
->>> from evertwin.correction.sarsa import learn_table
->>> from evertwin.correction.sarsa_settings import SarsaSettings
+>>> from evertwin.correction.translation.sarsa import learn_table
+>>> from evertwin.correction.translation.sarsa_settings import SarsaSettings
 >>> from evertwin.fold import make_block
 >>> from evertwin.machines.mobile import Robot1D
 >>> command = np.repeat(np.arange(1, 21) * 0.01, 5)
@@ -42,7 +42,7 @@ import numpy as np
 import scipy
 
 from evertwin.correction.evidence import FAILED
-from evertwin.correction.sarsa_table import Table
+from evertwin.correction.translation.table import Table
 from evertwin.errors import DataError
 from evertwin.fold import Block
 from evertwin.models import Kernel, Model, Restart, roll

@@ -17,7 +17,7 @@ from contextlib import suppress
 from paho.mqtt.client import Client, MQTTMessageInfo
 from paho.mqtt.enums import CallbackAPIVersion
 
-from evertwin.worlds.live.cable import Address
+from evertwin.worlds.live.voices.cable import Address
 
 WAITING = 10_000
 """Messages that wait for the broker at most; then the oldest are lost."""

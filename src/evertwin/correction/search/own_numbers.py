@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from evertwin.correction.evidence import Evidence, mean_deviation
-from evertwin.correction.fitting import refit
+from evertwin.correction.numbers.fitting import refit
 from evertwin.correction.stack import Stack
 
 MOST = 8

@@ -10,9 +10,9 @@ import socket
 from typing import Protocol
 
 from evertwin.errors import UsageError
-from evertwin.worlds.live.cable import Address, Cable
 from evertwin.worlds.live.contract import Sample
 from evertwin.worlds.live.control import LOOPBACK
+from evertwin.worlds.live.voices.cable import Address, Cable
 
 
 def address(text: str) -> Address:

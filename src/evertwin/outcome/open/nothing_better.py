@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from evertwin.fold import Event
-from evertwin.outcome.open_trial import OpenTrial, shorter
+from evertwin.outcome.open.on_trial import OpenTrial, shorter
 from evertwin.rows.channels import recorded_as
 from evertwin.setup.setup import Setup
 

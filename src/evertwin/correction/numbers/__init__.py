@@ -1,0 +1,1 @@
+"""The numbers of terms: fitted, where no slope leads too, and their intervals."""

@@ -1,0 +1,1 @@
+"""How machines speak: a protocol each, behind a cable."""
