@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evertwin.correction.translation import refine_law as module
 from evertwin.correction.describe import describe
 from evertwin.correction.stack import stack_of
+from evertwin.correction.translation import refine_law as module
 from evertwin.correction.translation.refine_law import Refined, refine_law
 from evertwin.correction.translation.sarsa import learn_table
 from evertwin.correction.translation.sarsa_settings import SarsaSettings
