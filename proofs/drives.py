@@ -20,7 +20,7 @@ import numpy as np
 
 from evertwin import Model
 from evertwin.fold import Block
-from evertwin.models.corrected import build
+from evertwin.models.corrected.corrected import build
 from planted.twins import opened
 from proofs._verdict import ended, no_data
 

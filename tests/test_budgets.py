@@ -44,15 +44,15 @@ BROAD_EXCEPT = {
     ): "what a job raises is raised where its result is taken",
     ("engine/worker.py", "_outcome"): "what a job raises travels to the parent, which raises it",
     (
-        "models/function.py",
+        "models/functions/function.py",
         "step",
     ): "the step is the user's code: its error is a lost row",
     (
-        "models/function.py",
+        "models/functions/function.py",
         "row",
     ): "the step is the user's code: what it raises is told as the model's",
     (
-        "models/translated.py",
+        "models/functions/translated.py",
         "translated",
     ): "a compiler does not say all that it may raise: the step runs as plain Python",
     (

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
         Parameters as Parameters,
         check_model as check_model,
     )
-    from evertwin.models.terms.check import check_term as check_term
+    from evertwin.models.checks.term import check_term as check_term
     from evertwin.outcome.result import RunResult as RunResult
     from evertwin.refit.recordings.fitting import FitResult as FitResult
     from evertwin.signals import Channel as Channel, Layout as Layout

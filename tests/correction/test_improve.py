@@ -15,10 +15,10 @@ from evertwin.errors import DataError, UsageError
 from evertwin.fold import Block, make_block, take
 from evertwin.machines.mobile import Differential, Odometer, Robot1D
 from evertwin.models import FunctionModel, Model, Parameters
-from evertwin.models.corrected import Corrected, build
+from evertwin.models.corrected.corrected import Corrected, build
 from evertwin.models.form import Form, Term
+from evertwin.models.functions.translated import translated
 from evertwin.models.terms.rows import Rows, propose_levels, quiet_level
-from evertwin.models.translated import translated
 from evertwin.signals import Layout
 from planted.draws import first_of
 

@@ -11,7 +11,7 @@ from evertwin.correction.evidence import gather
 from evertwin.correction.numbers.intervals import Known, profiled, scattered
 from evertwin.fold import Block, make_block
 from evertwin.machines.mobile import Robot1D
-from evertwin.models.corrected import Corrected
+from evertwin.models.corrected.corrected import Corrected
 from evertwin.models.form import Term
 
 NOISE = 2e-3

@@ -17,7 +17,7 @@ from evertwin.correction.search.improve import Proposal, Selection, improve
 from evertwin.errors import UsageError
 from evertwin.fold import Block, make_block
 from evertwin.machines.mobile import Differential, Robot1D
-from evertwin.models.corrected import Corrected
+from evertwin.models.corrected.corrected import Corrected
 from evertwin.models.form import Form, Term
 from planted.draws import first_of
 

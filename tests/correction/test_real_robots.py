@@ -23,7 +23,7 @@ from evertwin.correction.search.improve import Proposal, Selection, improve
 from evertwin.fold import Block, make_block, take
 from evertwin.machines.mobile import Differential, Odometer
 from evertwin.models import Model
-from evertwin.models.corrected import build
+from evertwin.models.corrected.corrected import build
 from evertwin.models.form import Form
 from evertwin.trial.gate import Trial
 

@@ -18,7 +18,7 @@ from evertwin.errors import DataError
 from evertwin.fold import Block, make_block, take
 from evertwin.machines.mobile import Robot1D
 from evertwin.models import FunctionModel, Parameters
-from evertwin.models.corrected import Corrected
+from evertwin.models.corrected.corrected import Corrected
 from evertwin.models.form import Form, Term
 from evertwin.models.terms.registry import kind
 from evertwin.signals import Layout

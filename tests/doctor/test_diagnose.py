@@ -23,7 +23,7 @@ from evertwin.config.spec import (
 from evertwin.doctor import Diagnosis, Finding
 from evertwin.fold import make_block
 from evertwin.models import FunctionModel, Parameter, Parameters
-from evertwin.models.translated import translated
+from evertwin.models.functions.translated import translated
 from evertwin.signals import Layout
 from evertwin.twin import Twin
 from planted.draws import first_of

@@ -9,7 +9,7 @@ import numpy as np
 from evertwin.config.spec import AnomalySpec, ModelSpec, PredictionSpec, TwinSpec
 from evertwin.doctor.finding import Finding
 from evertwin.models import Parameters
-from evertwin.models.translated import Translated
+from evertwin.models.functions.translated import Translated
 from evertwin.signals import Layout
 from evertwin.twin import Twin
 from planted.draws import first_of

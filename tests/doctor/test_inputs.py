@@ -9,7 +9,7 @@ import numpy as np
 from evertwin import Twin, TwinSpec
 from evertwin.config import spec
 from evertwin.models import FunctionModel, Parameters
-from evertwin.models.translated import translated
+from evertwin.models.functions.translated import translated
 from evertwin.signals import Layout
 from planted.draws import first_of
 

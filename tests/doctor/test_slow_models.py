@@ -10,7 +10,7 @@ import pytest
 from evertwin.config.spec import ModelSpec, PredictionSpec, TwinSpec
 from evertwin.doctor import examination
 from evertwin.models import FunctionModel, Parameter, Parameters
-from evertwin.models.translated import translated
+from evertwin.models.functions.translated import translated
 from evertwin.signals import Layout
 from evertwin.twin import Twin
 

@@ -11,7 +11,7 @@ import pytest
 from evertwin.config.spec import ArbiterSpec, ModelSpec, PredictionSpec, TwinSpec
 from evertwin.doctor.finding import Diagnosis
 from evertwin.models import Parameters
-from evertwin.models.translated import Translated
+from evertwin.models.functions.translated import Translated
 from evertwin.signals import Layout
 from evertwin.twin import Twin
 from planted.draws import first_of

@@ -11,7 +11,7 @@ from evertwin.gauges.changes.change import split
 from evertwin.gauges.rows.gauge_rows import Rows
 from evertwin.gauges.shifts.offset import offset
 from evertwin.models import FunctionModel, Parameters
-from evertwin.models.translated import translated
+from evertwin.models.functions.translated import translated
 from evertwin.setup.setup import Setup
 from evertwin.signals import Layout
 from evertwin.tuning import Problem, solve

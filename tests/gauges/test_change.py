@@ -11,7 +11,7 @@ from evertwin.fold import Block, make_block, take
 from evertwin.gauges.changes.change import changed, likely, suddenly
 from evertwin.gauges.rows.settled import settled
 from evertwin.machines.mobile import Robot1D
-from evertwin.models.corrected import build
+from evertwin.models.corrected.corrected import build
 from evertwin.models.form import Form, Term
 from evertwin.tuning import Problem
 from planted.draws import first_of

@@ -11,7 +11,7 @@ from evertwin import FunctionModel, Layout, Parameters, RunResult, Twin, TwinSpe
 from evertwin.anomaly.spec import AnomalySpec
 from evertwin.config.spec import ModelSpec, PredictionSpec, Span
 from evertwin.gauges.shifts.course import evidence
-from evertwin.models.translated import translated
+from evertwin.models.functions.translated import translated
 from evertwin.sync.spec import SignalSpec
 from evertwin.tuning.spec import TuningSpec
 from evertwin.types import ParameterVector, Vector

@@ -12,7 +12,7 @@ from evertwin import FunctionModel, Layout, RunResult, Twin, TwinSpec
 from evertwin.anomaly.spec import AnomalySpec
 from evertwin.config.spec import ModelSpec, PredictionSpec, Span
 from evertwin.models import Parameters
-from evertwin.models.translated import translated
+from evertwin.models.functions.translated import translated
 from planted.draws import first_of
 
 AT, ROWS = 1500, 3000

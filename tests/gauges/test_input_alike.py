@@ -10,7 +10,7 @@ import numpy as np
 from evertwin import FunctionModel, Layout, Parameters, RunResult, Twin, TwinSpec
 from evertwin.anomaly.spec import AnomalySpec
 from evertwin.config.spec import CorrectionSpec, ModelSpec, PredictionSpec, Span
-from evertwin.models.translated import translated
+from evertwin.models.functions.translated import translated
 from evertwin.types import ParameterVector, Vector
 from planted.draws import first_of
 

@@ -13,7 +13,7 @@ from evertwin.errors import UsageError
 from evertwin.gauges.rows.in_words import difference, level
 from evertwin.gauges.shifts.course import evidence
 from evertwin.machines.mobile import Robot1D
-from evertwin.models.translated import translated
+from evertwin.models.functions.translated import translated
 from evertwin.setup.setup import Setup
 from evertwin.sources.spec import ChannelSpec, SourceSpec
 from evertwin.sync.spec import SignalSpec

@@ -11,7 +11,7 @@ from evertwin.anomaly.spec import AnomalySpec
 from evertwin.config.spec import ModelSpec, PredictionSpec, Span
 from evertwin.gauges.rows.reading import Reading
 from evertwin.models import Parameter, Parameters
-from evertwin.models.translated import Translated
+from evertwin.models.functions.translated import Translated
 from evertwin.signals import Layout
 
 ROWS, DT = 3000, 10.0

@@ -11,7 +11,7 @@ from evertwin.config.spec import AnomalySpec, ModelSpec, ParameterSpec, Predicti
 from evertwin.fold.span import Span
 from evertwin.gauges.changes.noise import noise, scatter
 from evertwin.models import FunctionModel, Parameters
-from evertwin.models.translated import translated
+from evertwin.models.functions.translated import translated
 from evertwin.outcome.result import RunResult
 from evertwin.signals import Layout
 from evertwin.twin import Twin

@@ -12,7 +12,7 @@ from evertwin.anomaly.spec import AnomalySpec
 from evertwin.config.spec import ArbiterSpec, ModelSpec, ParameterSpec, PredictionSpec, Span
 from evertwin.gauges.rows.gauge_rows import Rows
 from evertwin.gauges.shifts.output_shift import Off, moves
-from evertwin.models.translated import translated
+from evertwin.models.functions.translated import translated
 from evertwin.types import ParameterVector, Vector
 from planted.draws import first_of
 

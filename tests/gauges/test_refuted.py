@@ -14,7 +14,7 @@ from evertwin.config.spec import ModelSpec, TwinSpec
 from evertwin.fold import Windows, make_block
 from evertwin.gauges.refuted import refuted
 from evertwin.models import FunctionModel, Parameters
-from evertwin.models.translated import translated
+from evertwin.models.functions.translated import translated
 from evertwin.outcome import RunResult
 from evertwin.setup.setup import Setup
 from evertwin.setup.task import Doubt

@@ -11,7 +11,7 @@ from evertwin.gauges.rows.settled import settled
 from evertwin.machines.drive import DriveForce
 from evertwin.machines.mobile import Robot1D
 from evertwin.models import FunctionModel, Parameter, Parameters
-from evertwin.models.corrected import Corrected
+from evertwin.models.corrected.corrected import Corrected
 from evertwin.models.form import Term
 from evertwin.signals import Layout
 from evertwin.tuning import Problem

@@ -16,7 +16,7 @@ from evertwin.fold import Windows, make_block
 from evertwin.gauges.gauge import silent
 from evertwin.gauges.rows.gauge_rows import Rows
 from evertwin.models import FunctionModel, Parameter, Parameters
-from evertwin.models.translated import translated
+from evertwin.models.functions.translated import translated
 from evertwin.setup.setup import Setup
 from evertwin.signals import Layout
 from evertwin.tuning import Problem, solve

@@ -12,7 +12,7 @@ from evertwin.anomaly.spec import AnomalySpec
 from evertwin.config.spec import ModelSpec, PredictionSpec, Span
 from evertwin.correction.spec import CorrectionSpec
 from evertwin.models import Parameters
-from evertwin.models.translated import translated
+from evertwin.models.functions.translated import translated
 from evertwin.tuning.spec import TuningSpec
 from planted.draws import first_of
 

@@ -12,7 +12,7 @@ from evertwin.anomaly.spec import AnomalySpec
 from evertwin.config.spec import ChannelSpec, ModelSpec, PredictionSpec, SourceSpec, Span
 from evertwin.gauges.units.exchanged import exchanged
 from evertwin.models import Parameter, Parameters
-from evertwin.models.translated import translated
+from evertwin.models.functions.translated import translated
 from evertwin.sync.spec import ClockSpec, DeriveSpec, FilterSpec, MovingSpec
 from evertwin.tuning.spec import TuningSpec
 from planted.draws import first_of

@@ -16,7 +16,7 @@ from evertwin.config import spec
 from evertwin.models import Model
 from evertwin.models.modelica import Modelica
 from evertwin.models.mujoco import MuJoCo
-from evertwin.models.table import TableModel
+from evertwin.models.tables.table import TableModel
 from planted.draws import first_of
 from planted.masses import KNOBS, MODELICA, MUJOCO
 

@@ -16,7 +16,7 @@ from evertwin.loop.decisions.going_live import goes_live
 from evertwin.loop.driver import Driver
 from evertwin.models import FunctionModel, Model, Parameters
 from evertwin.models.form import Form
-from evertwin.models.translated import translated
+from evertwin.models.functions.translated import translated
 from evertwin.setup.setup import Setup
 from evertwin.signals import Layout
 from planted.draws import first_of

@@ -17,7 +17,7 @@ from evertwin.fold import Answer, Block, make_block, take
 from evertwin.fold.span import Span
 from evertwin.ledger.label import Label
 from evertwin.models import FunctionModel, Parameters
-from evertwin.models.translated import translated
+from evertwin.models.functions.translated import translated
 from evertwin.refit.work import Work
 from evertwin.rows.ring import Ring
 from evertwin.setup.detectors import Alarm, Detect, DetectState

@@ -8,7 +8,7 @@ import pytest
 from evertwin import Twin
 from evertwin.config import spec
 from evertwin.models import FunctionModel, Parameter, Parameters
-from evertwin.models.translated import translated
+from evertwin.models.functions.translated import translated
 from evertwin.signals import Layout
 from planted.draws import first_of
 

@@ -9,7 +9,7 @@ import pytest
 
 from evertwin import Twin
 from evertwin.models import check_model
-from evertwin.models.corrected import Corrected, Term
+from evertwin.models.corrected.corrected import Corrected, Term
 from evertwin.models.mujoco import MuJoCo
 
 XML = """<mujoco><option timestep="0.002"/><worldbody><body name="rod">

@@ -12,7 +12,7 @@ from evertwin import Twin, TwinSpec
 from evertwin.config import spec
 from evertwin.fold import Chunk
 from evertwin.models import FunctionModel, Parameter, Parameters
-from evertwin.models.translated import translated
+from evertwin.models.functions.translated import translated
 from evertwin.signals import Layout
 from planted.draws import first_of
 

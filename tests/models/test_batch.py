@@ -12,8 +12,8 @@ from evertwin.machines.drive import Drive
 from evertwin.machines.thermal import ThermalBox
 from evertwin.models import FunctionModel, Model, Parameters, Restart, check_model, roll
 from evertwin.models.batch import WORTH, Batch
-from evertwin.models.corrected import Corrected, Term
-from evertwin.models.kernel import ADOPT, ANEW
+from evertwin.models.corrected.corrected import Corrected, Term
+from evertwin.models.kernels.kernel import ADOPT, ANEW
 from evertwin.models.mujoco import MuJoCo
 from evertwin.signals import Layout
 

@@ -16,13 +16,13 @@ from evertwin.compiled.functions import STEP, CFunction
 from evertwin.errors import UsageError
 from evertwin.machines.mobile import Differential, Robot1D
 from evertwin.models import check_model
-from evertwin.models.corrected import Corrected, build
+from evertwin.models.corrected.corrected import Corrected, build
+from evertwin.models.corrected.variants import in_variant
 from evertwin.models.form import Form, Term
-from evertwin.models.function import FunctionModel
+from evertwin.models.functions.function import FunctionModel
 from evertwin.models.terms import kernel
 from evertwin.models.terms.contract import Functions
 from evertwin.models.terms.registry import kind
-from evertwin.models.variants import in_variant
 from evertwin.signals import Layout
 
 GRID = (-1.0, -0.25, 0.0, 0.5, 1.0)

@@ -18,7 +18,7 @@ from evertwin.models import (
     remembers,
     roll,
 )
-from evertwin.models.corrected import Corrected
+from evertwin.models.corrected.corrected import Corrected
 from evertwin.models.form import Term
 from evertwin.signals import Layout
 from evertwin.sync import Horizon, restarts

@@ -18,7 +18,7 @@ from evertwin.errors import ConfigError, UsageError
 from evertwin.machines.catalog import machine
 from evertwin.machines.python_file import model_from_file
 from evertwin.models import FunctionModel, Parameter, Parameters, check_model
-from evertwin.models.translated import Translated, translated
+from evertwin.models.functions.translated import Translated, translated
 from evertwin.setup import with_units
 from evertwin.signals import Channel, Layout
 

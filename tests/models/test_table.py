@@ -14,7 +14,7 @@ from evertwin.errors import DataError, UsageError
 from evertwin.fold import make_block
 from evertwin.machines.catalog import machine
 from evertwin.models import check_model
-from evertwin.models.table import TableModel
+from evertwin.models.tables.table import TableModel
 from evertwin.tuning import Problem, solve
 
 SPEED, TORQUE = [0.0, 50.0, 120.0, 200.0], [-2.0, 0.0, 3.0]

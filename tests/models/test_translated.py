@@ -12,7 +12,7 @@ import pytest
 
 from evertwin.machines.catalog import machine
 from evertwin.models import FunctionModel, Parameters
-from evertwin.models.translated import Translated, translated
+from evertwin.models.functions.translated import Translated, translated
 from evertwin.signals import Layout
 
 TABLE_X, TABLE_Y = np.array([0.0, 1.0, 2.0]), np.array([0.0, 3.0, 4.0])

@@ -18,9 +18,9 @@ from evertwin.errors import ConfigError, LawBroken, UsageError
 from evertwin.fold import Block, make_block
 from evertwin.machines.mobile import Differential, Robot1D
 from evertwin.models import check_model
-from evertwin.models.corrected import Corrected, build
+from evertwin.models.checks.term import check_term
+from evertwin.models.corrected.corrected import Corrected, build
 from evertwin.models.form import Form, Term, Version
-from evertwin.models.terms.check import check_term
 from evertwin.models.terms.registry import KINDS, kind
 from evertwin.twin import Twin
 

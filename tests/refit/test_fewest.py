@@ -11,7 +11,7 @@ import pytest
 from evertwin.config.spec import AnomalySpec, ModelSpec, TwinSpec
 from evertwin.fold import make_block
 from evertwin.models import FunctionModel, Parameter, Parameters
-from evertwin.models.translated import translated
+from evertwin.models.functions.translated import translated
 from evertwin.refit.numbers.fewest import fewest
 from evertwin.setup.setup import Setup
 from evertwin.signals import Layout

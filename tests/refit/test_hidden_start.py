@@ -7,7 +7,7 @@ import numpy as np
 from evertwin import FunctionModel, Layout, Parameters, RunResult, Twin, TwinSpec
 from evertwin.anomaly.spec import AnomalySpec
 from evertwin.config.spec import ModelSpec, PredictionSpec, Span
-from evertwin.models.translated import translated
+from evertwin.models.functions.translated import translated
 from evertwin.sync.spec import SignalSpec
 from evertwin.tuning.spec import TuningSpec
 from evertwin.types import ParameterVector, Vector

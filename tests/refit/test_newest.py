@@ -8,7 +8,7 @@ import numpy as np
 
 from evertwin.fold import Windows, make_block
 from evertwin.models import FunctionModel, Parameters
-from evertwin.models.translated import translated
+from evertwin.models.functions.translated import translated
 from evertwin.refit.rows.newest import newest
 from evertwin.signals import Layout
 from evertwin.tuning import Fit, Problem, solve

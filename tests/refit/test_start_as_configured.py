@@ -10,7 +10,7 @@ import numpy as np
 
 from evertwin.fold import make_block
 from evertwin.models import FunctionModel, Parameters
-from evertwin.models.translated import translated
+from evertwin.models.functions.translated import translated
 from evertwin.signals import Layout
 from evertwin.tuning import Problem, solve
 from evertwin.tuning.search.minima import lowest

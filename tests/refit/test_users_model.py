@@ -15,7 +15,7 @@ from evertwin.app.cli import main
 from evertwin.config import spec
 from evertwin.errors import ModelError, UsageError
 from evertwin.machines import catalog
-from evertwin.models.translated import Translated
+from evertwin.models.functions.translated import Translated
 
 NOISE = np.random.default_rng(0)
 

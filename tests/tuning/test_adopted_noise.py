@@ -9,7 +9,7 @@ import pytest
 
 from evertwin.fold import Block, make_block
 from evertwin.models import FunctionModel, Model, Parameters
-from evertwin.models.translated import translated
+from evertwin.models.functions.translated import translated
 from evertwin.signals import Layout
 from evertwin.tuning import Problem, solve
 from planted.draws import first_of

@@ -9,7 +9,7 @@ import pytest
 
 from evertwin.fold import make_block
 from evertwin.models import Parameters
-from evertwin.models.translated import Translated
+from evertwin.models.functions.translated import Translated
 from evertwin.signals import Layout
 from evertwin.tuning import Fit, Problem, solve
 

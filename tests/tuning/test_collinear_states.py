@@ -8,7 +8,7 @@ import pytest
 from evertwin import FunctionModel, Layout, Parameters
 from evertwin.fold import make_block
 from evertwin.gauges.rows.settled import settled
-from evertwin.models.translated import translated
+from evertwin.models.functions.translated import translated
 from evertwin.tuning import Problem
 from evertwin.types import ParameterVector, Vector
 

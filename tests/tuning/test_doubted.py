@@ -10,7 +10,7 @@ import pytest
 from evertwin import FunctionModel, Layout, Parameters
 from evertwin.fold import make_block
 from evertwin.models import Parameter
-from evertwin.models.translated import translated
+from evertwin.models.functions.translated import translated
 from evertwin.tuning import Fit, Problem, solve
 from evertwin.tuning.intervals.followed import missed
 

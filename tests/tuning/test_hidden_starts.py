@@ -8,7 +8,7 @@ import pytest
 from evertwin import FunctionModel, Layout, Parameters, Twin, TwinSpec
 from evertwin.config.spec import ModelSpec, PredictionSpec
 from evertwin.fold import Block, make_block, take
-from evertwin.models.translated import translated
+from evertwin.models.functions.translated import translated
 from evertwin.types import ParameterVector, Vector
 from planted.draws import first_of
 

@@ -10,7 +10,7 @@ import pytest
 
 from evertwin.fold import Block, make_block
 from evertwin.models import FunctionModel, Parameters
-from evertwin.models.translated import Translated
+from evertwin.models.functions.translated import Translated
 from evertwin.signals import Layout
 from evertwin.tuning import Problem, own_names, solve, started
 

@@ -7,7 +7,7 @@ import pytest
 
 from evertwin.fold import Block, make_block
 from evertwin.models import Parameters
-from evertwin.models.translated import Translated
+from evertwin.models.functions.translated import Translated
 from evertwin.signals import Layout
 from evertwin.tuning import solve
 from evertwin.tuning.intervals.noisy_starts import noisy, white

@@ -26,7 +26,7 @@ from evertwin.machines.arm.chain import Chain
 from evertwin.machines.arm.inertia import NAMES, point
 from evertwin.machines.assembly.path import Limits, moves_of, plan
 from evertwin.models import Model
-from evertwin.models.corrected import Corrected, build
+from evertwin.models.corrected.corrected import Corrected, build
 from evertwin.settings.quantity import own
 from evertwin.setup.configured_model import model_of
 from evertwin.signals import Layout

@@ -32,8 +32,8 @@ from numpy.random import Generator
 from evertwin.errors import DataError
 from evertwin.fold import Block, take
 from evertwin.models import Model, Restart, hidden_of, observed, roll
-from evertwin.models.function import kernel_of
-from evertwin.models.kernel import ADOPT
+from evertwin.models.functions.function import kernel_of
+from evertwin.models.kernels.kernel import ADOPT
 from evertwin.sync.horizon.horizon import openings, residuals, restarts
 from evertwin.types import Float64, Int64, Intervals, Outputs, ParameterVector, StateVector, Vector
 

@@ -45,7 +45,7 @@ import numpy as np
 
 from evertwin.anomaly.along import along, effects, late, timed
 from evertwin.fold import plain
-from evertwin.models.kernel import CONTINUE
+from evertwin.models.kernels.kernel import CONTINUE
 from evertwin.signals.sizes import rms_of
 from evertwin.tuning import Dependence, Fit, Problem
 from evertwin.tuning.residuals.autocorrelation import Correlation

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 
 from evertwin.correction.stack import Part, Stack
-from evertwin.models.corrected import Corrected
+from evertwin.models.corrected.corrected import Corrected
 from evertwin.models.terms.contract import Intervals
 
 NEAR = 1e-6

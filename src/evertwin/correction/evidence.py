@@ -26,7 +26,7 @@ from evertwin.errors import TooFew, UsageError
 from evertwin.fold import Block
 from evertwin.models import Model, Restart, observed, remembers
 from evertwin.models.batch import Batch
-from evertwin.models.kernel import ANEW
+from evertwin.models.kernels.kernel import ANEW
 from evertwin.signals import wrap
 from evertwin.sync import residuals, restarts
 from evertwin.types import (

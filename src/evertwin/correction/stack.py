@@ -18,11 +18,11 @@ from functools import cached_property
 import numpy as np
 
 from evertwin.models import Model
-from evertwin.models.corrected import Corrected
+from evertwin.models.corrected.corrected import Corrected
+from evertwin.models.corrected.variants import in_variant
 from evertwin.models.form import Form, Term
 from evertwin.models.terms.contract import CorrectionTerm
 from evertwin.models.terms.registry import kind
-from evertwin.models.variants import in_variant
 from evertwin.types import ParameterVector
 
 

@@ -24,7 +24,7 @@ from evertwin.doctor.finding import Finding
 from evertwin.errors import DataError
 from evertwin.fold import Block, plain, take
 from evertwin.models import roll
-from evertwin.models.function import kernel_of
+from evertwin.models.functions.function import kernel_of
 from evertwin.rows.channels import recorded_as
 from evertwin.signals import Layout, unwrapped, wrap
 from evertwin.signals.delay import Offset, clock_offset

@@ -34,7 +34,7 @@ from evertwin.gauges.units.misread import ANSWERED, likeliest
 from evertwin.gauges.units.turned import WRONG as ASKEW
 from evertwin.gauges.units.turned import Numbered, angles_of, turned
 from evertwin.models import roll
-from evertwin.models.function import kernel_of
+from evertwin.models.functions.function import kernel_of
 from evertwin.rows.channels import recorded_as, unit_recorded
 from evertwin.signals.delay import Lag
 from evertwin.sync.horizon.horizon import restarts, trusted

@@ -15,10 +15,10 @@ from evertwin.fold.block import first
 from evertwin.ledger.versions import Versions
 from evertwin.models import Model
 from evertwin.models.contract import KernelModel
-from evertwin.models.failures import Failed
 from evertwin.models.form import Version
-from evertwin.models.function import FunctionModel, kernel_of
-from evertwin.models.translated import Translated
+from evertwin.models.functions.failures import Failed
+from evertwin.models.functions.function import FunctionModel, kernel_of
+from evertwin.models.functions.translated import Translated
 from evertwin.rows.feed import Data, Feed
 from evertwin.setup.setup import Setup
 from evertwin.sources.clocks.tally import Tally

@@ -30,7 +30,7 @@ class Placed(NamedTuple):
     """Of the map that it is told in: a new one begins somewhere unknown."""
     task: Int64[np.ndarray, " n"]
     tables: Float64[np.ndarray, "n _"]
-    """What each place for one holds, in turn (`evertwin.models.table_bodies`)."""
+    """What each place for one holds, in turn (`evertwin.models.tables.bodies`)."""
 
 
 class Said:

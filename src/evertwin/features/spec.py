@@ -9,7 +9,7 @@ from typing import Annotated, TypeAlias
 from annotated_types import Ge, Gt, Le
 
 from evertwin.errors import UsageError
-from evertwin.models.table_bodies import MOST_TABLES, table_channels
+from evertwin.models.tables.bodies import MOST_TABLES, table_channels
 from evertwin.settings.kinds import Duration, Seconds
 from evertwin.settings.notes import Late, Quantity
 from evertwin.settings.section import Section

@@ -20,7 +20,7 @@ from dataclasses import replace
 
 from evertwin.errors import UsageError
 from evertwin.models import Model
-from evertwin.models.corrected import build
+from evertwin.models.corrected.corrected import build
 from evertwin.models.form import Form, Size, Version
 
 FORMER = 8

@@ -22,7 +22,7 @@ from typing import Any
 
 from evertwin.errors import EvertwinError, ModelError, UsageError, nearest, needs
 from evertwin.models import FunctionModel, Model
-from evertwin.models.translated import translated
+from evertwin.models.functions.translated import translated
 
 MACHINES: Mapping[str, tuple[str, str]] = {
     "arm": ("evertwin.machines.arm:Arm.of", "arm"),

@@ -21,7 +21,7 @@ from typing import TypeAlias
 import numpy as np
 
 from evertwin.errors import DataError, UsageError, naming
-from evertwin.models.table import TableModel
+from evertwin.models.tables.table import TableModel
 from evertwin.signals.units import si_unit, to_si
 from evertwin.sources import open_recording
 

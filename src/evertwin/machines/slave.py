@@ -38,7 +38,7 @@ from pythonfmu import (
 from evertwin.machines.catalog import located, machine
 from evertwin.models import Model, Parameters
 from evertwin.models.configured import configured
-from evertwin.models.corrected import build
+from evertwin.models.corrected.corrected import build
 from evertwin.models.form import Form
 from evertwin.signals.units import conversion, powers
 from evertwin.types import Float64, StateVector

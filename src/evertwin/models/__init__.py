@@ -8,7 +8,7 @@ from evertwin.surface import surface
 
 if TYPE_CHECKING:
     from evertwin.compiled.functions import OBSERVE as OBSERVE, STEP as STEP
-    from evertwin.models.check import check_model as check_model
+    from evertwin.models.checks.model import check_model as check_model
     from evertwin.models.compiled import Compiled as Compiled
     from evertwin.models.contract import (
         BatchModel as BatchModel,
@@ -17,19 +17,19 @@ if TYPE_CHECKING:
         Model as Model,
         PartialModel as PartialModel,
     )
-    from evertwin.models.function import (
+    from evertwin.models.functions.function import (
         FunctionModel as FunctionModel,
         kernel_of as kernel_of,
         python_kernel as python_kernel,
     )
-    from evertwin.models.kernel import Kernel as Kernel, Restart as Restart
-    from evertwin.models.observing import (
+    from evertwin.models.kernels.kernel import Kernel as Kernel, Restart as Restart
+    from evertwin.models.observing.observing import (
         hidden_of as hidden_of,
         observed as observed,
         unmeasured as unmeasured,
         remembers as remembers,
     )
     from evertwin.models.parameters import Parameter as Parameter, Parameters as Parameters
-    from evertwin.models.rollout import roll as roll
+    from evertwin.models.kernels.rollout import roll as roll
 
 __getattr__ = surface(__name__)

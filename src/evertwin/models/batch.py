@@ -3,8 +3,8 @@
 A model that can do it itself (`BatchModel`) does; a compiled kernel runs in threads, since it
 neither allocates nor shares memory; a Python function goes one after the other.
 
->>> from evertwin.models.function import FunctionModel
->>> from evertwin.models.kernel import Restart
+>>> from evertwin.models.functions.function import FunctionModel
+>>> from evertwin.models.kernels.kernel import Restart
 >>> from evertwin.models.parameters import Parameters
 >>> from evertwin.signals import Layout
 >>> gain = FunctionModel(lambda x, u, dt, p: ([], [p[0] * u[0]]), Layout.of(u="1"),
@@ -27,9 +27,9 @@ import numpy as np
 
 from evertwin.compiled.functions import njit
 from evertwin.models.contract import Model, PartialModel
-from evertwin.models.function import kernel_of
-from evertwin.models.kernel import Kernel, Restart
-from evertwin.models.rollout import contiguous, roll, roll_rows
+from evertwin.models.functions.function import kernel_of
+from evertwin.models.kernels.kernel import Kernel, Restart
+from evertwin.models.kernels.rollout import contiguous, roll, roll_rows
 from evertwin.types import (
     Float64,
     Inputs,

@@ -14,10 +14,10 @@ from typing import SupportsIndex
 import numpy as np
 
 from evertwin.compiled.calls import call
-from evertwin.models.kernel import Kernel, Restart
+from evertwin.models.kernels.kernel import Kernel, Restart
+from evertwin.models.kernels.rollout import roll
 from evertwin.models.one_line import one_line
 from evertwin.models.parameters import Parameters
-from evertwin.models.rollout import roll
 from evertwin.signals.channels import Layout
 from evertwin.types import Float64, Inputs, Intervals, ParameterVector, Rollout, StateVector
 

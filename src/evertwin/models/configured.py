@@ -1,6 +1,6 @@
 """The same model with other start values, bounds or channel limits.
 
->>> from evertwin.models.function import FunctionModel
+>>> from evertwin.models.functions.function import FunctionModel
 >>> from evertwin.models.parameters import Parameters
 >>> from evertwin.signals import Layout
 >>> gain = FunctionModel(lambda x, u, dt, p: ([], [p[0] * u[0]]), Layout.of(u="1"),

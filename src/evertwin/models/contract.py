@@ -16,7 +16,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from evertwin.models.kernel import Kernel, Restart
+from evertwin.models.kernels.kernel import Kernel, Restart
 from evertwin.models.parameters import Parameters
 from evertwin.signals.channels import Layout
 from evertwin.types import (
@@ -85,7 +85,7 @@ class KernelModel(Model, Protocol):
     """
 
     def kernel(self) -> Kernel:
-        """Addresses of the C functions; see `evertwin.models.kernel` for their signatures."""
+        """Addresses of the C functions; their signatures: `evertwin.models.kernels.kernel`."""
         ...
 
 

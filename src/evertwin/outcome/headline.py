@@ -15,8 +15,8 @@ import numpy as np
 
 from evertwin.fold import Event
 from evertwin.gauges.changes.unseen_inputs import OUTSIDE
-from evertwin.models.failures import Failed
 from evertwin.models.form import Version
+from evertwin.models.functions.failures import Failed
 from evertwin.outcome.course.changes import changes
 from evertwin.outcome.course.contradicted import contradicted
 from evertwin.outcome.course.jumps import believed, forgotten, jumps

@@ -18,8 +18,8 @@ import numpy as np
 from evertwin.errors import MissingExtra
 from evertwin.fold import Event, interval, plain
 from evertwin.models import Model, Parameters
-from evertwin.models.failures import Failed
 from evertwin.models.form import Form, Version
+from evertwin.models.functions.failures import Failed
 from evertwin.outcome.course.spells import Spell
 from evertwin.outcome.course.summed_up import Several, summed_up
 from evertwin.outcome.not_counted import uncounted

@@ -16,7 +16,7 @@ from functools import partial
 from evertwin.config.spec import TwinSpec
 from evertwin.engine import Engine
 from evertwin.models import Model
-from evertwin.models.corrected import build
+from evertwin.models.corrected.corrected import build
 from evertwin.models.form import Form
 from evertwin.setup.configured_model import model_of
 from evertwin.setup.setup import Setup

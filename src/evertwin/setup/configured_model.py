@@ -13,7 +13,7 @@ from evertwin.errors import ConfigError, UsageError
 from evertwin.machines.catalog import located, machine
 from evertwin.models import FunctionModel, Model, Parameter, Parameters
 from evertwin.models.configured import configured
-from evertwin.models.translated import translated
+from evertwin.models.functions.translated import translated
 from evertwin.rows.channels import check_quantities
 from evertwin.settings.quantity import Measured, own
 from evertwin.setup.friction_law import check_ladder

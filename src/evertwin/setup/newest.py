@@ -14,8 +14,8 @@ import numpy as np
 
 from evertwin.fold import Block
 from evertwin.models import Model, Restart, observed, roll
-from evertwin.models.function import kernel_of
-from evertwin.models.kernel import ANEW
+from evertwin.models.functions.function import kernel_of
+from evertwin.models.kernels.kernel import ANEW
 from evertwin.sync.horizon.horizon import openings, trusted
 from evertwin.types import ParameterVector, StateVector
 

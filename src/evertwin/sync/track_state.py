@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.fold import Block, Event, Record
-from evertwin.models.failures import Failed
+from evertwin.models.functions.failures import Failed
 from evertwin.sync import places as at
 from evertwin.types import (
     Bools,

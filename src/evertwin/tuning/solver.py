@@ -14,7 +14,7 @@ import scipy
 
 from evertwin.errors import DataError, ModelError
 from evertwin.models.batch import is_native
-from evertwin.models.corrected import Corrected
+from evertwin.models.corrected.corrected import Corrected
 from evertwin.signals import wrap
 from evertwin.tuning.intervals.assemble import Outcome, assemble, noise_of, sizes_of, squares
 from evertwin.tuning.intervals.fit import Fit

@@ -13,7 +13,7 @@ import pytest
 
 from evertwin.errors import ModelError
 from evertwin.models import Restart, roll
-from evertwin.models.corrected import Corrected, Term
+from evertwin.models.corrected.corrected import Corrected, Term
 from evertwin.models.fmu import Fmu, fmu
 
 from .native import build

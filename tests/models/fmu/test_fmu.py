@@ -13,10 +13,10 @@ import pytest
 from evertwin.errors import ModelError, UsageError
 from evertwin.machines.catalog import machine
 from evertwin.models import Model, Restart, check_model, roll
-from evertwin.models.corrected import Corrected, Term
+from evertwin.models.corrected.corrected import Corrected, Term
 from evertwin.models.fmu import Fmu, fmu
-from evertwin.models.function import FunctionModel
-from evertwin.models.kernel import ADOPT, ANEW
+from evertwin.models.functions.function import FunctionModel
+from evertwin.models.kernels.kernel import ADOPT, ANEW
 from evertwin.models.parameters import Parameters
 from evertwin.signals import Layout
 

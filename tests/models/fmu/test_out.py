@@ -15,10 +15,10 @@ from evertwin.errors import UsageError
 from evertwin.export.content import Exported, exported
 from evertwin.export.fmu import need_of, reading_options, write_fmu
 from evertwin.models import Restart, check_model, roll
-from evertwin.models.corrected import Term, build
+from evertwin.models.corrected.corrected import Term, build
 from evertwin.models.fmu import fmu
 from evertwin.models.form import Form
-from evertwin.models.kernel import ADOPT, ANEW
+from evertwin.models.kernels.kernel import ADOPT, ANEW
 
 ROBOT = '[model]\nkind = "robot1d"\n'
 TANK = """[model]

@@ -156,7 +156,7 @@ def tables(
     from evertwin.app.perception.tables_command import Asked, make_tables, pose_of
     from evertwin.errors import UsageError
     from evertwin.features.maps.cost_map import Inflation
-    from evertwin.models.table_bodies import Plate
+    from evertwin.models.tables.bodies import Plate
 
     if not (0 < radius <= inflation and height > 0.05 and overhang >= 0):
         raise UsageError("tables: expected 0 < radius ≤ inflation, height above 0.05 m, "

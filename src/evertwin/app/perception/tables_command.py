@@ -19,7 +19,7 @@ from evertwin.features.scans.poses import Fix
 from evertwin.features.tables.legs import View
 from evertwin.features.tables.rectangles import corners
 from evertwin.features.tables.tables import Happened, Room, Table, furnished
-from evertwin.models.table_bodies import Plate, bodies
+from evertwin.models.tables.bodies import Plate, bodies
 from evertwin.report.table_picture import draw_tables
 from evertwin.signals import unwrapped
 from evertwin.signals.planar import compose

@@ -27,7 +27,7 @@ import scipy
 from evertwin.correction.evidence import Evidence, mean_deviation
 from evertwin.correction.numbers.sliding import cost_of, slid
 from evertwin.correction.stack import Part, Stack, bounded
-from evertwin.models.corrected import effective_inputs
+from evertwin.models.corrected.corrected import effective_inputs
 from evertwin.models.terms.contract import Candidate, GridTerm, Prior
 from evertwin.types import Bools, Float64, Inputs, Vector
 

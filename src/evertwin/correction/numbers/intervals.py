@@ -19,7 +19,7 @@ with the node's own effect as the direction and its neighbours as they are.
 >>> from evertwin.correction.evidence import gather
 >>> from evertwin.fold import make_block
 >>> from evertwin.machines.mobile import Robot1D
->>> from evertwin.models.corrected import Corrected
+>>> from evertwin.models.corrected.corrected import Corrected
 >>> from evertwin.models.form import Term
 >>> rng = np.random.default_rng(0)
 >>> u = np.repeat(rng.choice([0.02, 0.05, 0.08, 0.12], 60), 5)
@@ -44,7 +44,7 @@ import scipy
 
 from evertwin.correction.evidence import Evidence
 from evertwin.models import Model
-from evertwin.models.corrected import Corrected
+from evertwin.models.corrected.corrected import Corrected
 from evertwin.tuning.intervals.identifiability import grade
 from evertwin.types import Float64, ParameterVector, Vector
 

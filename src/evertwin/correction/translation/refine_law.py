@@ -46,7 +46,7 @@ from evertwin.correction.translation.table import Table
 from evertwin.errors import DataError
 from evertwin.fold import Block
 from evertwin.models import Kernel, Model, Restart, roll
-from evertwin.models.corrected import Corrected, Term
+from evertwin.models.corrected.corrected import Corrected, Term
 from evertwin.models.terms.rows import inputs_of, quiet_level
 from evertwin.sync import residuals, restarts
 from evertwin.types import Bools, Float64, ParameterVector, Vector

@@ -36,7 +36,7 @@ from evertwin.correction.translation.sarsa_settings import SarsaSettings
 from evertwin.correction.translation.table import Table, read_table
 from evertwin.fold import Block, Event, Out, copy
 from evertwin.models import Kernel, Model, kernel_of
-from evertwin.models.kernel import looped
+from evertwin.models.kernels.kernel import looped
 from evertwin.types import Float64, Int64, ParameterVector, StateVector
 
 

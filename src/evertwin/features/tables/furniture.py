@@ -2,7 +2,7 @@
 
 What `evertwin.features.tables.tables` makes of a whole recording is kept here in arrays of limited
 length, scan by scan: legs, the views of late that tell whether beams went through, tables. A model
-has a place for so many tables (`evertwin.models.table_bodies`): each is in one for as long as it
+has a place for so many tables (`evertwin.models.tables.bodies`): each is in one for as long as it
 stands somewhere, moved or not, and what a place holds changes only where a table came, went, or is
 told to stand elsewhere by more than `CLOSER`.
 
@@ -25,7 +25,7 @@ from evertwin.features.scans.words import NEVER
 from evertwin.features.tables.legs import Legs, View
 from evertwin.features.tables.rectangles import Rectangle, corners
 from evertwin.features.tables.tables import Happened, Room, Shape, Table, seen
-from evertwin.models.table_bodies import UNITS
+from evertwin.models.tables.bodies import UNITS
 from evertwin.sources.columns.scans import Lidar
 from evertwin.types import Float64, Int64, Stamps
 

@@ -22,7 +22,7 @@ from evertwin.gauges.changes.change import likely, split
 from evertwin.gauges.rows.foretold import Past, clipped
 from evertwin.gauges.rows.unlike import changes
 from evertwin.models import Model
-from evertwin.models.kernel import CONTINUE
+from evertwin.models.kernels.kernel import CONTINUE
 from evertwin.rows.alignment import apart
 from evertwin.rows.ring import called
 from evertwin.setup.evaluation import off_after

@@ -11,7 +11,7 @@ from evertwin.fold import Block
 from evertwin.gauges.rows import in_words
 from evertwin.gauges.rows.gauge_rows import LEAST, Rows
 from evertwin.gauges.rows.sensor_change import SensorChange, unmeasured
-from evertwin.models.kernel import CONTINUE
+from evertwin.models.kernels.kernel import CONTINUE
 from evertwin.rows.ring import called
 from evertwin.types import Bools, Outputs, Vector
 

@@ -17,7 +17,7 @@ from evertwin.errors import TooFew
 from evertwin.gauges.rows.gauge_rows import Rows
 from evertwin.gauges.rows.sensor_change import SensorChange, unmeasured
 from evertwin.gauges.shifts.off_by import left_with
-from evertwin.models.kernel import CONTINUE
+from evertwin.models.kernels.kernel import CONTINUE
 from evertwin.rows.ring import called
 from evertwin.rows.stayed import longest
 from evertwin.types import Float64, Outputs, Vector

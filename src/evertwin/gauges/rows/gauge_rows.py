@@ -12,7 +12,7 @@ from evertwin.errors import DataError, ModelError
 from evertwin.fold import Block, Windows, take
 from evertwin.gauges.rows.reading import Reading
 from evertwin.gauges.rows.sensor_change import Refused, since_change, unmeasured
-from evertwin.models.kernel import CONTINUE
+from evertwin.models.kernels.kernel import CONTINUE
 from evertwin.rows.channels import unit_told
 from evertwin.rows.ring import called
 from evertwin.setup.setup import Setup

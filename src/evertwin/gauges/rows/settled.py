@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from evertwin.models.corrected import Corrected
+from evertwin.models.corrected.corrected import Corrected
 from evertwin.tuning import Fit, Problem, solve, told_apart
 from evertwin.tuning.form.collinear import leaning_on
 from evertwin.tuning.intervals.identifiability import WEAK

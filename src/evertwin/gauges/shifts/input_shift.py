@@ -27,7 +27,7 @@ from evertwin.gauges.rows.gauge_rows import LEAST, Rows
 from evertwin.gauges.rows.sensor_change import SensorChange, unmeasured
 from evertwin.gauges.shifts.course import AT_ONCE, CLEAR, evidence, shape_of
 from evertwin.gauges.shifts.off_by import left_with, undone
-from evertwin.models.kernel import CONTINUE
+from evertwin.models.kernels.kernel import CONTINUE
 from evertwin.rows.channels import is_held, measured
 from evertwin.rows.ring import called
 from evertwin.types import Bools, Outputs, Vector

@@ -26,7 +26,7 @@ from evertwin.gauges.rows.gauge_rows import LEAST, Rows, residual
 from evertwin.gauges.rows.sensor_change import SensorChange, unmeasured
 from evertwin.gauges.shifts.off_by import Column, learned, recorded, undone
 from evertwin.ledger.caveats import SAME, SENSOR
-from evertwin.models.kernel import CONTINUE
+from evertwin.models.kernels.kernel import CONTINUE
 from evertwin.rows.ring import called
 from evertwin.signals.spoken import MANY, share
 from evertwin.types import Bool, Bools, Float64, Outputs, Vector

@@ -18,8 +18,8 @@ from evertwin.anomaly.external import Contact, ExternalState, Seen, Told
 from evertwin.anomaly.recurrence import Place
 from evertwin.fold import Block, Event, Mark
 from evertwin.models import Model, kernel_of
-from evertwin.models.kernel import Restart
-from evertwin.models.rollout import roll
+from evertwin.models.kernels.kernel import Restart
+from evertwin.models.kernels.rollout import roll
 from evertwin.rows.ring import Rows, kept
 from evertwin.setup.setup import Setup
 from evertwin.setup.twin_state import TwinState

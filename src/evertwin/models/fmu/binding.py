@@ -46,8 +46,8 @@ from evertwin.models.fmu.description import (
     Variable,
 )
 from evertwin.models.fmu.options import Options
+from evertwin.models.fmu.unit_names import spelled
 from evertwin.models.parameters import Parameter, Parameters
-from evertwin.models.unit_names import spelled
 from evertwin.signals.channels import Channel, Layout, position
 from evertwin.signals.units import compatible, conversion, si_unit
 

@@ -34,11 +34,11 @@ from evertwin.models.fmu.faults import Fault
 from evertwin.models.fmu.guard import opened
 from evertwin.models.fmu.options import Options
 from evertwin.models.fmu.worker import Worker
-from evertwin.models.function import adopted, python_kernel
-from evertwin.models.kernel import Kernel, Restart
+from evertwin.models.functions.function import adopted, python_kernel
+from evertwin.models.kernels.kernel import Kernel, Restart
+from evertwin.models.kernels.rollout import roll, sized
 from evertwin.models.one_line import one_line
 from evertwin.models.parameters import Parameters
-from evertwin.models.rollout import roll, sized
 from evertwin.signals.channels import Layout, position
 from evertwin.types import Float64, Inputs, Intervals, ParameterVector, Rollout, StateVector
 

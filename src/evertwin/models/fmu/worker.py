@@ -30,7 +30,7 @@ from evertwin.models.fmu.faults import STATUS, BrokenDown, Fault
 from evertwin.models.fmu.guard import opened, unpack
 from evertwin.models.fmu.options import Options
 from evertwin.models.fmu.process import Process
-from evertwin.models.kernel import Layer
+from evertwin.models.kernels.kernel import Layer
 
 log = logging.getLogger("evertwin")
 _TRIES = 3
@@ -214,7 +214,7 @@ class Worker:
     def run(
         self, loop: Callable[..., Any], layers: Sequence[Layer], arguments: Sequence[Any]
     ) -> tuple[bool, Any]:
-        """The loop, in the child; see `evertwin.models.kernel.Remote`."""
+        """The loop, in the child; see `evertwin.models.kernels.kernel.Remote`."""
         with self._lock:
             lost: list[int] = []
             while not self._dead:

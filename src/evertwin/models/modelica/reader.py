@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 from evertwin.errors import ModelError
+from evertwin.models.fmu.unit_names import spelled
 from evertwin.models.modelica.arena import Arena, Scope
 from evertwin.models.modelica.flat import Equation, Flat, Variable, label
 from evertwin.models.modelica.graph import Graph
-from evertwin.models.unit_names import spelled
 
 _EVENTS = {
     "discrete_real_equations": "a variable that changes at events",

@@ -23,7 +23,7 @@ from mujoco import _rollout
 
 from evertwin.errors import ModelError
 from evertwin.models.mujoco.guard import Source
-from evertwin.models.table_bodies import Part
+from evertwin.models.tables.bodies import Part
 from evertwin.types import Float64, StateVector
 
 LARGEST_VALUE = 1e10

@@ -42,17 +42,17 @@ import numpy as np
 
 from evertwin.errors import ModelError, UsageError
 from evertwin.models.compiled import StaticMap
-from evertwin.models.function import adopted
+from evertwin.models.functions.function import adopted
 from evertwin.models.given import check_options
-from evertwin.models.kernel import ADOPT, ANEW, CONTINUE, Restart
+from evertwin.models.kernels.kernel import ADOPT, ANEW, CONTINUE, Restart
+from evertwin.models.kernels.rollout import sized
 from evertwin.models.mujoco.base import FromFile
 from evertwin.models.mujoco.channels import Output, controls, outputs, states
 from evertwin.models.mujoco.engine import Engine, Steps, steps_of
 from evertwin.models.mujoco.guard import Source
 from evertwin.models.mujoco.knobs import DEFAULT, parameters_of, tunable
 from evertwin.models.mujoco.rooms import Rooms, stretches_of
-from evertwin.models.rollout import sized
-from evertwin.models.table_bodies import MOST_TABLES, UNITS, Plate, table_channels
+from evertwin.models.tables.bodies import MOST_TABLES, UNITS, Plate, table_channels
 from evertwin.settings.quantity import in_unit
 from evertwin.signals.channels import Channel, Layout
 from evertwin.types import (
@@ -92,7 +92,7 @@ class MuJoCo(FromFile):
         """Options: ``parameters`` (patterns of names, `evertwin.models.mujoco.knobs`), ``inputs``,
         ``outputs`` (names, `evertwin.models.mujoco.channels`), ``keyframe`` (start state),
         ``timestep`` [s], ``contact`` (true), ``threads``; ``tables``: for how many its inputs have
-        places (`evertwin.models.table_bodies`), with ``plate`` (``height``, ``overhang``,
+        places (`evertwin.models.tables.bodies`), with ``plate`` (``height``, ``overhang``,
         ``solid``).
 
         Raises:

@@ -27,7 +27,7 @@ from evertwin.models.mujoco.base import EnginePool
 from evertwin.models.mujoco.engine import compiled
 from evertwin.models.mujoco.guard import Source
 from evertwin.models.mujoco.knobs import Knob
-from evertwin.models.table_bodies import UNITS, Plate, parts
+from evertwin.models.tables.bodies import UNITS, Plate, parts
 from evertwin.types import Float64
 
 KEPT = 32

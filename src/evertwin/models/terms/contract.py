@@ -125,7 +125,7 @@ class Prior(NamedTuple):
 
 
 class CorrectionTerm(ABC):
-    """A kind of correction term. See the module; `evertwin.models.terms.check` tests its laws.
+    """A kind of correction term. See the module; `evertwin.models.checks.term` tests its laws.
 
     >>> from evertwin.models.terms.registry import kind
     >>> kind("law").variants

@@ -2,8 +2,8 @@
 
 Everything a kernel needs about the terms lies in one int64 array, the *plan*: a header, then one
 record a term with the addresses of its functions (`evertwin.models.terms.contract`), its place in
-the parameters, its `Place` and its grids (as the bits of floats). `evertwin.models.corrected`
-writes the plan.
+the parameters, its `Place` and its grids (as the bits of floats). The plan is written by
+`evertwin.models.corrected.corrected`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 from evertwin.compiled.calls import call
 from evertwin.compiled.functions import OBSERVE, STEP, CFunction, cfunc, njit
 from evertwin.compiled.memory import carray, copied, room
-from evertwin.models.kernel import ANEW
+from evertwin.models.kernels.kernel import ANEW
 from evertwin.models.terms.contract import CorrectionTerm, Place
 from evertwin.models.terms.registry import KINDS, kind
 
@@ -130,7 +130,7 @@ def effective_rows(plan: Any, u: Any, p: Any) -> None:
 def effective_run(plan: Any, x: Any, u: Any, dt: Any, p: Any, code: Any) -> Any:
     """What the terms make of the inputs of a whole roll-out from ``x``, (n, nu).
 
-    NaN where `step` would fail; ``code`` is that of `evertwin.models.kernel.Restart`.
+    NaN where `step` would fail; ``code`` is that of `evertwin.models.kernels.kernel.Restart`.
     """
     out, now, ahead = u.copy(), x.copy(), x.copy()
     for i in range(u.shape[0]):

@@ -12,7 +12,7 @@ from evertwin.correction.describe import describe
 from evertwin.correction.stack import stack_of
 from evertwin.fold import Event
 from evertwin.ledger.versions import Versions
-from evertwin.models.corrected import Corrected, build
+from evertwin.models.corrected.corrected import Corrected, build
 from evertwin.models.form import Version
 from evertwin.outcome.open.on_trial import shorter
 from evertwin.setup.setup import Setup

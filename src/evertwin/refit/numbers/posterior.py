@@ -16,7 +16,7 @@ from evertwin.correction.search.improve import Proposal
 from evertwin.correction.stack import stack_of
 from evertwin.fold import Block, plain
 from evertwin.models import Model
-from evertwin.models.corrected import Corrected
+from evertwin.models.corrected.corrected import Corrected
 from evertwin.setup.setup import Setup
 from evertwin.tuning import Problem
 from evertwin.tuning.intervals.assemble import Outcome, assemble

@@ -21,8 +21,8 @@ from typing import Any, NamedTuple
 from evertwin.errors import few
 from evertwin.fold import interval, plain
 from evertwin.models import Parameters
-from evertwin.models.failures import Failed
 from evertwin.models.form import Form, Size
+from evertwin.models.functions.failures import Failed
 from evertwin.setup.evaluation import Deviation
 from evertwin.signals.spoken import number, percent
 from evertwin.sources.clocks.tally import Tally

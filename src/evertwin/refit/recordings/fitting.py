@@ -22,7 +22,7 @@ from evertwin.gauges.units.read_otherwise import read_otherwise
 from evertwin.gauges.units.turned import Numbered
 from evertwin.ledger.versions import Versions
 from evertwin.models import Model
-from evertwin.models.failures import Failed
+from evertwin.models.functions.failures import Failed
 from evertwin.refit.numbers.recursive_fit import Recursion
 from evertwin.refit.recordings.fit_result import FitResult as FitResult
 from evertwin.refit.recordings.fit_result import Held

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from evertwin.models.corrected import build
+from evertwin.models.corrected.corrected import build
 from evertwin.models.form import Form
 from evertwin.refit.work import Work
 from evertwin.refit.workers import formed as formed_far

@@ -16,7 +16,7 @@ import numpy as np
 from evertwin.errors import ModelError
 from evertwin.fold import Block, Mark, Record
 from evertwin.models import Model
-from evertwin.models.failures import Failed
+from evertwin.models.functions.failures import Failed
 from evertwin.setup.at_rest import at_rest
 from evertwin.setup.false_start import rightly_begun
 from evertwin.setup.setup import Setup

@@ -24,7 +24,7 @@ from evertwin.correction.stack import stack_of
 from evertwin.errors import ConfigError, DataError
 from evertwin.fold import Block
 from evertwin.models import Model
-from evertwin.models.corrected import Corrected
+from evertwin.models.corrected.corrected import Corrected
 from evertwin.models.form import Version
 from evertwin.models.terms.rows import Rows
 from evertwin.refit.recordings.formed import Formed

@@ -17,7 +17,7 @@ from evertwin.gauges.rows.settled import settled
 from evertwin.ledger.versions import Versions
 from evertwin.models import Model
 from evertwin.models.batch import is_native
-from evertwin.models.corrected import Corrected
+from evertwin.models.corrected.corrected import Corrected
 from evertwin.models.form import Version
 from evertwin.refit.answer_events import changed_since, event, not_told
 from evertwin.refit.numbers.physical import physically

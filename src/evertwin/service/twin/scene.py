@@ -17,7 +17,7 @@ from typing import Any
 from evertwin.machines.arm.model import Arm
 from evertwin.machines.arm.rnea import JOINT
 from evertwin.models import Model
-from evertwin.models.table_bodies import Plate, tables_of
+from evertwin.models.tables.bodies import Plate, tables_of
 
 POSE = ("x", "y", "heading")
 

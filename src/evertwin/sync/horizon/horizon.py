@@ -30,7 +30,7 @@ import numpy as np
 from evertwin.errors import UsageError
 from evertwin.fold import Block, Mark, Out
 from evertwin.models import Kernel, Model, Restart, hidden_of, kernel_of
-from evertwin.models.kernel import GAP, looped
+from evertwin.models.kernels.kernel import GAP, looped
 from evertwin.signals import wrap
 from evertwin.sync.horizon.horizon_loop import NEVER, began, plan, run
 from evertwin.sync.horizon.horizon_state import HorizonRows, HorizonSettings, HorizonState

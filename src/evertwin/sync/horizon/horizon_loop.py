@@ -1,6 +1,6 @@
 """The compiled loops of `evertwin.sync.horizon.horizon`: the plan of restarts, and the stream.
 
-Plain loops over rows; the model comes in as addresses (see `evertwin.models.kernel`).
+Plain loops over rows; the model comes in as addresses (see `evertwin.models.kernels.kernel`).
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 from evertwin.compiled.calls import call
 from evertwin.compiled.functions import njit
 from evertwin.compiled.memory import borrowed
-from evertwin.models.kernel import ADOPT, ANEW
+from evertwin.models.kernels.kernel import ADOPT, ANEW
 from evertwin.sync.options import HOT
 
 NEVER = np.iinfo(np.int64).min

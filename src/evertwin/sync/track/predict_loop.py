@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from evertwin.compiled.functions import njit
-from evertwin.models.kernel import RAISED
+from evertwin.models.kernels.kernel import RAISED
 from evertwin.sync import places as at
 from evertwin.sync.arbiter.arbiter_loop import forget
 from evertwin.sync.arbiter.input_loop import (

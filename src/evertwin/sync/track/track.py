@@ -32,8 +32,8 @@ import numpy as np
 
 from evertwin.fold import Block, Event, Out
 from evertwin.models import Kernel, Model, kernel_of, remembers
-from evertwin.models.failures import failures_in
-from evertwin.models.kernel import looped
+from evertwin.models.functions.failures import failures_in
+from evertwin.models.kernels.kernel import looped
 from evertwin.signals import Channel, Layout
 from evertwin.signals.mistaken import numbers
 from evertwin.signals.units import powers

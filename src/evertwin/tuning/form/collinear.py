@@ -31,7 +31,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evertwin.models.corrected import Corrected
+from evertwin.models.corrected.corrected import Corrected
 from evertwin.tuning.form.form_error import wrong_outputs
 from evertwin.tuning.form.omitted import normal, shifted
 from evertwin.tuning.intervals.advice import advise

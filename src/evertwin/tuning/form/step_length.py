@@ -34,7 +34,7 @@ from dataclasses import replace
 import numpy as np
 
 from evertwin.models import Restart
-from evertwin.models.kernel import ANEW
+from evertwin.models.kernels.kernel import ANEW
 from evertwin.signals import wrap
 from evertwin.tuning.form.omitted import shifted
 from evertwin.tuning.intervals.fit import Amend, Fit

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from evertwin.models.kernel import ADOPT, ANEW
+from evertwin.models.kernels.kernel import ADOPT, ANEW
 from evertwin.tuning.intervals.noisy_starts import white
 from evertwin.tuning.linear.closed import dense
 from evertwin.tuning.linear.sensitivity import Sensitivity

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-from evertwin.models.kernel import ANEW
+from evertwin.models.kernels.kernel import ANEW
 from evertwin.signals.sizes import sizes
 from evertwin.tuning.intervals.adopted_noise import by_noise
 from evertwin.tuning.intervals.advice import advise

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from evertwin.models.kernel import ANEW
+from evertwin.models.kernels.kernel import ANEW
 from evertwin.signals import wrap
 from evertwin.signals.sizes import mean_square
 from evertwin.tuning.intervals.noisy_starts import white

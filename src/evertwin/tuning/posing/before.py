@@ -13,8 +13,8 @@ import numpy as np
 
 from evertwin.fold import Block, concatenate, take
 from evertwin.models import Model, observed, remembers
-from evertwin.models.function import kernel_of
-from evertwin.models.rollout import roll
+from evertwin.models.functions.function import kernel_of
+from evertwin.models.kernels.rollout import roll
 from evertwin.sync.horizon.horizon import restarts
 from evertwin.tuning.posing.recordings import given
 from evertwin.types import Outputs, ParameterVector, StateVector

@@ -19,8 +19,8 @@ import numpy as np
 
 from evertwin.fold import Block, take
 from evertwin.models import Model, Parameter, Parameters, observed, remembers, unmeasured
-from evertwin.models.function import kernel_of
-from evertwin.models.rollout import roll
+from evertwin.models.functions.function import kernel_of
+from evertwin.models.kernels.rollout import roll
 from evertwin.sync.horizon.horizon import residuals, restarts
 from evertwin.tuning.posing.before import Begins
 from evertwin.tuning.posing.recordings import given, initials, places

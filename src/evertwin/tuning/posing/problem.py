@@ -31,7 +31,7 @@ from evertwin.errors import UsageError
 from evertwin.fold import Block
 from evertwin.models import KernelModel, LinearModel, Model, Parameters, Restart, remembers
 from evertwin.models.batch import Batch, mapped
-from evertwin.models.kernel import ANEW
+from evertwin.models.kernels.kernel import ANEW
 from evertwin.signals import wrap
 from evertwin.sync.horizon.horizon import restarts
 from evertwin.tuning.linear.closed import Reduced, dense, slots

@@ -1,4 +1,4 @@
-"""The arithmetic of `evertwin.models.observing`, compiled.
+"""The arithmetic of `evertwin.models.observing.observing`, compiled.
 
 Everything lies in the state, behind the inner model's: one run of the model per hidden state, each
 begun a little apart from the others in that one (`Place`), and per output what the innovations

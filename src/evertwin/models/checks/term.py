@@ -15,10 +15,10 @@ import numpy as np
 
 from evertwin.errors import LawBroken
 from evertwin.fold import Block, make_block
-from evertwin.models.check import check_model
+from evertwin.models.checks.model import check_model
 from evertwin.models.configured import configured
-from evertwin.models.corrected import Corrected
-from evertwin.models.function import FunctionModel
+from evertwin.models.corrected.corrected import Corrected
+from evertwin.models.functions.function import FunctionModel
 from evertwin.models.terms import kernel
 from evertwin.models.terms.contract import Candidate, CorrectionTerm, GridTerm
 from evertwin.models.terms.rows import Rows

@@ -15,7 +15,7 @@
 By default an output that is named like a state adopts into that state.
 
 In a twin it runs as machine code where it only computes: what it reads beside its arguments is
-taken as it is when the twin is made (`evertwin.models.translated`).
+taken as it is when the twin is made (`evertwin.models.functions.translated`).
 
 The function computes in the units that its layouts and parameters state; all around it is SI.
 
@@ -39,8 +39,8 @@ import numpy as np
 
 from evertwin.errors import ModelError, UsageError
 from evertwin.models.contract import Model
-from evertwin.models.failures import Failures, at_inputs, check_numbers, raised
-from evertwin.models.kernel import RAISED, Kernel
+from evertwin.models.functions.failures import Failures, at_inputs, check_numbers, raised
+from evertwin.models.kernels.kernel import RAISED, Kernel
 from evertwin.models.one_line import one_line
 from evertwin.models.parameters import Parameters
 from evertwin.signals.channels import Layout
@@ -211,7 +211,7 @@ def python_kernel(model: Any) -> Kernel:
 
     An exception in a callback cannot pass through compiled code: it becomes the return code
     `RAISED`, and the row an error (NaN); a number that is too large for Python is a simulation that
-    runs away, code 1. The first one is logged and kept (`evertwin.models.failures`).
+    runs away, code 1. The first one is logged and kept (`evertwin.models.functions.failures`).
     """
     nx, nu = len(model.states), len(model.inputs)
     ny, n_p = len(model.outputs), len(model.parameters)

@@ -41,10 +41,10 @@ import numpy as np
 from evertwin.compiled.functions import OBSERVE, STEP, CFunction, Function
 from evertwin.compiled.stamp import names_of
 from evertwin.errors import ModelError, UsageError, naming
-from evertwin.models.failures import HUGE, Failures, at_inputs
-from evertwin.models.function import FunctionModel
-from evertwin.models.kernel import RAISED, Kernel, Restart
-from evertwin.models.rollout import roll
+from evertwin.models.functions.failures import HUGE, Failures, at_inputs
+from evertwin.models.functions.function import FunctionModel
+from evertwin.models.kernels.kernel import RAISED, Kernel, Restart
+from evertwin.models.kernels.rollout import roll
 from evertwin.signals.channels import Layout
 from evertwin.signals.units import conversion
 from evertwin.types import Inputs, Int64, Intervals, ParameterVector, Rollout, StateVector

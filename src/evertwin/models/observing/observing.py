@@ -7,9 +7,9 @@ states began with moves them by what is left of it. That start is all that is es
 that is wrong is not pulled back by it for longer than it remembers where it began.
 
 The derivatives come from one run of the model beside it per hidden state, which ends once its start
-is forgotten (`evertwin.models.observing_kernel`).
+is forgotten (`evertwin.models.observing.observing_kernel`).
 
->>> from evertwin.models.function import FunctionModel
+>>> from evertwin.models.functions.function import FunctionModel
 >>> from evertwin.signals import Layout
 >>> def step(x, u, dt, p):
 ...     air, wall = x
@@ -36,14 +36,14 @@ from functools import cached_property
 
 import numpy as np
 
-from evertwin.models import observing_kernel as kernels
 from evertwin.models.compiled import Compiled
 from evertwin.models.contract import Model
-from evertwin.models.corrected import Corrected
-from evertwin.models.function import kernel_of
-from evertwin.models.kernel import Kernel, Restart
+from evertwin.models.corrected.corrected import Corrected
+from evertwin.models.functions.function import kernel_of
+from evertwin.models.kernels.kernel import Kernel, Restart
+from evertwin.models.kernels.rollout import roll
+from evertwin.models.observing import observing_kernel as kernels
 from evertwin.models.parameters import Parameters
-from evertwin.models.rollout import roll
 from evertwin.signals.channels import Channel, Layout
 from evertwin.types import (
     Bools,

@@ -16,7 +16,7 @@ from evertwin.compiled.calls import call
 from evertwin.compiled.functions import njit
 from evertwin.compiled.memory import copied
 from evertwin.errors import UsageError
-from evertwin.models.kernel import ADOPT, ANEW, Kernel, Restart, looped
+from evertwin.models.kernels.kernel import ADOPT, ANEW, Kernel, Restart, looped
 from evertwin.models.parameters import Parameters
 from evertwin.signals.channels import Layout
 from evertwin.types import Inputs, Intervals, ParameterVector, Rollout, StateVector

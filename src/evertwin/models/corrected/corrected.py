@@ -8,7 +8,7 @@ model's own states. The terms' numbers are parameters behind the inner ones, the
 behind the inner one, so that promoting a correction replaces arrays and a shadow is a second state.
 
 >>> import numpy as np
->>> from evertwin.models.function import FunctionModel
+>>> from evertwin.models.functions.function import FunctionModel
 >>> from evertwin.signals import Layout
 >>> robot = FunctionModel(lambda x, u, dt, p: ([x[0] + u[0] * dt],) * 2,
 ...     Layout.of(v="m/s"), Layout.of(x="m"), Layout.of(x="m"))
@@ -34,16 +34,16 @@ import numpy as np
 from evertwin.models.batch import grouped, rolled
 from evertwin.models.compiled import Compiled
 from evertwin.models.contract import Model
+from evertwin.models.corrected.variants import in_variant
 from evertwin.models.form import Form, Term
-from evertwin.models.function import kernel_of
-from evertwin.models.kernel import Kernel, Layer, Restart
+from evertwin.models.functions.function import kernel_of
+from evertwin.models.kernels.kernel import Kernel, Layer, Restart
+from evertwin.models.kernels.rollout import roll, sized
 from evertwin.models.one_line import one_line
 from evertwin.models.parameters import Parameter, Parameters
-from evertwin.models.rollout import roll, sized
 from evertwin.models.terms import kernel as kernels
 from evertwin.models.terms.contract import CorrectionTerm, Place
 from evertwin.models.terms.registry import kind
-from evertwin.models.variants import in_variant
 from evertwin.signals.channels import Channel, Layout
 from evertwin.types import (
     Float64,
@@ -279,7 +279,7 @@ class Corrected:
 def effective_inputs(model: Model, u: Inputs, p: ParameterVector) -> Inputs:
     """What terms without memory make of the inputs, row by row, (n, nu); others are left out.
 
-    >>> from evertwin.models.function import FunctionModel
+    >>> from evertwin.models.functions.function import FunctionModel
     >>> base = FunctionModel(lambda x, u, dt, p: ([], [u[0]]), Layout.of(v="m/s"), Layout.of(y="m"))
     >>> half = Corrected(base, (Term("table", "v", variant="linear", levels=(0.0, 1.0)),))
     >>> effective_inputs(half, np.array([[0.5]]), np.array([0.0, 0.5])).tolist()

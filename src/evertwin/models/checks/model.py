@@ -1,6 +1,6 @@
 """The laws of a Model, as a public checker.
 
->>> from evertwin.models.function import FunctionModel
+>>> from evertwin.models.functions.function import FunctionModel
 >>> from evertwin.signals import Layout
 >>> decay = FunctionModel(lambda x, u, dt, p: ([x[0] + dt * u[0]],) * 2,
 ...     Layout.of(v="m/s"), Layout.of(x="m"), Layout.of(x="m"))
@@ -15,9 +15,9 @@ import numpy as np
 
 from evertwin.errors import LawBroken
 from evertwin.models.contract import BatchModel, KernelModel, LinearModel, Model, PartialModel
-from evertwin.models.function import kernel_of
-from evertwin.models.kernel import ADOPT, ANEW, CONTINUE, Restart
-from evertwin.models.rollout import roll
+from evertwin.models.functions.function import kernel_of
+from evertwin.models.kernels.kernel import ADOPT, ANEW, CONTINUE, Restart
+from evertwin.models.kernels.rollout import roll
 from evertwin.types import Float64, Inputs, Intervals, Outputs
 
 

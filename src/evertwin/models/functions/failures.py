@@ -3,7 +3,7 @@
 A step that is called from compiled code cannot raise. Its row becomes an error (NaN), and its
 kernel keeps what came first since it was last told to `forget`.
 
->>> from evertwin.models.function import FunctionModel
+>>> from evertwin.models.functions.function import FunctionModel
 >>> def step(x, u, dt, p):
 ...     raise ValueError("the table ends at 0.7")
 >>> model = FunctionModel(step, Layout.of(v="m/s"), Layout.of(y="m"))
@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from evertwin.errors import ModelError
-from evertwin.models.kernel import Kernel
+from evertwin.models.kernels.kernel import Kernel
 from evertwin.signals.channels import Layout
 from evertwin.types import Json, Vector
 

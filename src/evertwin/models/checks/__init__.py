@@ -1,0 +1,1 @@
+"""The laws that every model and every term keeps, as public checkers."""

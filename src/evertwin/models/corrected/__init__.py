@@ -1,0 +1,1 @@
+"""A model with correction terms on top: still a model."""

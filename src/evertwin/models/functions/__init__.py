@@ -1,0 +1,1 @@
+"""Models from a plain Python function, compiled where that is arithmetic."""

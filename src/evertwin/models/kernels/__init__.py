@@ -1,0 +1,1 @@
+"""Compiled steps, called by address from one fused loop."""

@@ -1,0 +1,1 @@
+"""States that nothing measures, estimated where predictions start again."""

@@ -1,0 +1,1 @@
+"""Tables of measured data as models; tables as bodies of a room."""
