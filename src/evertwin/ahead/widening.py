@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy import stats
+import scipy
 
 from evertwin.ahead.basis import Basis, draws
 from evertwin.errors import DataError
@@ -189,7 +189,7 @@ def _ends(
     (one, noise), (width, seed) = known, rule
     model, rng = basis.model, np.random.default_rng([seed, round(10 * width)])
     ps = draws(model, basis.p, width * one, DRAWS, seed)
-    lags = stats.norm.ppf(0.5 + 0.5 * np.arange(LAGS) / LAGS) * LATE * width
+    lags = scipy.stats.norm.ppf(0.5 + 0.5 * np.arange(LAGS) / LAGS) * LATE * width
     off = np.empty((DRAWS, *block.y.shape))
     for k, lag in enumerate(lags):
         mine = slice(k, None, LAGS)

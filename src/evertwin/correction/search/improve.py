@@ -36,7 +36,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.special import ndtri, stdtr
+import scipy
 
 from evertwin.correction.candidates import propose, unstarted
 from evertwin.correction.describe import describe
@@ -371,7 +371,7 @@ def _compared(
     gain = 1.0 - after.mean / max(mean_deviation(before), TINY)
     sure = float(paired.mean()) / max(error, TINY)
     if len(paired) < MANY:  # the scatter is known badly: the deviate of equal chance under a normal
-        sure = -float(ndtri(stdtr(len(paired) - 1, -sure)))
+        sure = -float(scipy.special.ndtri(scipy.special.stdtr(len(paired) - 1, -sure)))
     return _Option(after, candidate, replaced, before, gain, sure)
 
 

@@ -23,8 +23,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
 from PIL import Image
-from scipy import ndimage
 
 from evertwin.errors import UsageError
 from evertwin.sources.foreign import Damaged, foreign, load
@@ -132,7 +132,7 @@ def decoded(
 ) -> list[Detection]:
     """What a net's cells say, the most probable first."""
     heat = cells[..., 0]
-    peak = (heat >= least) & (heat >= ndimage.maximum_filter(heat, (3, 3, 1), mode="nearest"))
+    peak = (heat >= least) & (heat >= scipy.ndimage.maximum_filter(heat, (3, 3, 1), mode="nearest"))
     where = np.argwhere(peak)
     order = np.argsort(-heat[peak], kind="stable")
     kept: list[Detection] = []

@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy import stats
+import scipy
 
 from evertwin.features.images.confusions import Cell, design_effect, wilson
 from evertwin.features.images.labelled import Labelled
@@ -111,7 +111,7 @@ def leads(rows: Labelled, cells: Sequence[Cell], level: float) -> tuple[tuple[Le
             known = mine & np.isfinite(values)
             one, other = values[known & hit], values[known & ~hit]
             if len(one) and len(other) and np.ptp(values[known]) > 0:
-                test = stats.mannwhitneyu(one, other)
+                test = scipy.stats.mannwhitneyu(one, other)
                 rank, p = float(test.statistic) / (len(one) * len(other)), float(test.pvalue)
                 if rows.group is not None:
                     p = _over_groups(rows.group[known], values[known], hit[known])
@@ -133,5 +133,5 @@ def _over_groups(group: Int64[np.ndarray, " n"], values: Vector, hit: Bools) -> 
     means = np.bincount(number, values) / n
     if len(n) < FEWEST or not np.ptp(means) > 0:
         return 1.0
-    p = float(stats.spearmanr(means, np.bincount(number, hit) / n).pvalue)
+    p = float(scipy.stats.spearmanr(means, np.bincount(number, hit) / n).pvalue)
     return p if np.isfinite(p) else 1.0

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from scipy import ndimage
+import scipy
 
 from evertwin.errors import DataError
 from evertwin.features.maps.occupancy import FREE, OCCUPIED, UNKNOWN, Occupancy, grey_of
@@ -64,7 +64,7 @@ def inflated(
         blocked |= (np.abs(along) <= 0.5 * box[3]) & (np.abs(across) <= 0.5 * box[4])
     far = np.full(blocked.shape, np.inf)
     if blocked.any():
-        far = ndimage.distance_transform_edt(~blocked) * chart.resolution
+        far = scipy.ndimage.distance_transform_edt(~blocked) * chart.resolution
     cost = np.rint(DEAREST * np.exp(-FALL * np.maximum(far - rule.radius, 0.0)))
     cost[far > rule.reach + 1e-9] = 0.0
     cost[far <= rule.radius + 1e-9] = INSCRIBED

@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.special import gammaincinv
+import scipy
 
 from evertwin.signals.planar import between, compose
 from evertwin.sources.foreign import load
@@ -202,7 +202,7 @@ def variance_factor(
     known += back @ np.array([open_[j] - open_[i] for i, j in ends]) @ ahead
     told = back @ np.array([firm[j] - firm[i] for i, j in ends]) @ ahead
     off = np.array([between(compose(poses[e.start], e.step), poses[e.end]) for e in loops])
-    chance = 2 * float(gammaincinv(1.5 * visits(loops), CAUTION)) / visits(loops)
+    chance = 2 * float(scipy.special.gammaincinv(1.5 * visits(loops), CAUTION)) / visits(loops)
     low, high = np.log(FACTORS)
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)

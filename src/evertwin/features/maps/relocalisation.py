@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from evertwin.features.maps.occupancy import FREE, OCCUPIED, Occupancy
 from evertwin.features.scans.correlation import BLOCK, BLUR, CELL, Bounds, Drawing, blocks
@@ -66,7 +66,7 @@ def map_surface(chart: Occupancy) -> Surface:
     walls = chart.walls()
     if not len(walls):
         return np.zeros((0, 4))
-    tree = cKDTree(walls)
+    tree = scipy.spatial.cKDTree(walls)
     out = np.zeros((len(walls), 4))
     out[:, :2] = walls
     for k, near in enumerate(tree.query_ball_point(walls, NEAR)):
@@ -128,7 +128,7 @@ class Barriers(NamedTuple):
             around[_inside(at + off, walls)] = True
         beside = np.argwhere(around & ~walls)
         if len(at) and len(beside):
-            deep[tuple(at.T)] = cKDTree(beside).query(at)[0]
+            deep[tuple(at.T)] = scipy.spatial.cKDTree(beside).query(at)[0]
         most = np.max([deep[_inside(at + off, walls)] for off in _disc(1.5)], axis=0)
         middle = np.zeros_like(walls)
         middle[tuple(at[deep[tuple(at.T)] == most].T)] = True
@@ -198,7 +198,7 @@ def stray(views: Sequence[View], pose: Float64[np.ndarray, " 3"], chart: Occupan
     cell = np.floor((at - np.array(chart.origin)) / chart.resolution).astype(np.int64)
     inside = ((cell >= 0) & (cell < chart.cells.shape[::-1])).all(axis=1)
     column, row = np.where(inside[:, None], cell, 0).T
-    far = cKDTree(walls).query(at)[0] > NEAR
+    far = scipy.spatial.cKDTree(walls).query(at)[0] > NEAR
     return float(np.mean(inside & (chart.cells[row, column] == FREE) & far))
 
 
@@ -212,7 +212,7 @@ class Charted(NamedTuple):
     barriers: Barriers
     walls: Known
     drawing: Drawing
-    tree: cKDTree
+    tree: scipy.spatial.cKDTree
     window: _Window
 
     @classmethod
@@ -221,7 +221,13 @@ class Charted(NamedTuple):
         walls, window = map_surface(chart), _Window.around(chart)
         size = math.ceil(2 * window.half / CELL) + 2 * BLUR + 2
         drawing = Drawing.of(walls, window.middle, size)
-        return cls(Barriers.of(chart), Known.of(walls), drawing, cKDTree(walls[:, :2]), window)
+        return cls(
+            Barriers.of(chart),
+            Known.of(walls),
+            drawing,
+            scipy.spatial.cKDTree(walls[:, :2]),
+            window,
+        )
 
 
 def located(views: Sequence[View], chart: Occupancy) -> Located:

@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d, minimum_filter1d
+import scipy
 
 from evertwin.fold import Block, Windows, take
 from evertwin.gauges.rows.gauge_rows import residual, unchanged
@@ -209,7 +209,7 @@ def _swings(u: Inputs, place: int) -> Vector:
     filled = np.where(np.isfinite(u), u, np.where(np.isfinite(least), least, 0.0))
     low, high = (
         some(filled, span, axis=0, origin=back, mode="nearest")
-        for some in (minimum_filter1d, maximum_filter1d)
+        for some in (scipy.ndimage.minimum_filter1d, scipy.ndimage.maximum_filter1d)
     )
     wide, usual = high - low, (1.0 + 1.0 / BINS) * (high - low)[:place].max(axis=0)
     share = np.where(usual > 0.0, wide / np.where(usual > 0.0, usual, 1.0), wide > 0.0)
