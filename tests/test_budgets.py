@@ -265,7 +265,9 @@ def test_no_local_imports_of_the_package() -> None:
     assert not (found := offenders(local)), f"imports inside functions: {found}"
 
 
-NUMBA = {"compiled/functions.py", "compiled/intrinsics.py", "models/fmu/calls.py"}
+NUMBA = {f"compiled/{name}.py" for name in ("functions", "intrinsics", "kept")} | {
+    "models/fmu/calls.py"
+}
 """What knows Numba: all others decorate with `evertwin.compiled.functions`."""
 
 

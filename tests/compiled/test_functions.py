@@ -10,6 +10,7 @@ from copy import copy
 from pathlib import Path
 from typing import Any
 
+import numba
 import numpy as np
 import pytest
 from numba.core.caching import InTreeCacheLocator
@@ -148,6 +149,19 @@ def test_machine_code_is_found_in_the_cache() -> None:
     assert is_kept(power.py_func, power.stamp)
     assert not is_kept(power.py_func, summed.stamp)
     assert not is_kept(test_machine_code_is_found_in_the_cache, power.stamp)
+
+
+@pytest.mark.parametrize("ends", ["nbi", "nbc"])
+def test_code_of_a_version_that_is_gone_is_compiled_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ends: str
+) -> None:
+    monkeypatch.setattr("numba.config.CACHE_DIR", str(tmp_path))
+    assert fresh(power).compiled(np.arange(3.0)) == 5.0
+    (file,) = tmp_path.glob(f"*/*.{ends}")
+    gone = b"cevertwin.gone\nGone\n."  # a class of a module that is not there
+    file.write_bytes(pickle.dumps(numba.__version__) + gone if ends == "nbi" else gone)
+    assert fresh(power).compiled(np.arange(4.0)) == 14.0
+    assert gone not in file.read_bytes()
 
 
 def test_work_is_told_by_the_named_argument() -> None:

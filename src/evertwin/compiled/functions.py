@@ -36,7 +36,12 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 
-from evertwin.compiled.kept import is_kept, plain_seconds, write_plain_seconds
+from evertwin.compiled.kept import (
+    index_of_code,
+    is_kept,
+    plain_seconds,
+    write_plain_seconds,
+)
 from evertwin.compiled.stamp import names_of, stamp_of
 from evertwin.errors import UsageError
 
@@ -120,8 +125,11 @@ class _Written:
         from numba.core.caching import FunctionCache
 
         if self._keeps:
-            made._cache = FunctionCache(source)
-            made._cache._cache_file._source_stamp = self.stamp
+            cache = made._cache = FunctionCache(source)
+            cache._cache_file = index_of_code()(
+                cache_path=cache.cache_path, filename_base=cache._impl.filename_base,
+                source_stamp=self.stamp,
+            )  # fmt: skip
         return made
 
 

@@ -9,17 +9,42 @@ Both stand where Numba keeps machine code, and hold for one stamp of the functio
 from __future__ import annotations
 
 import contextlib
+import functools
 import hashlib
 import os
+import pickle
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+
+OF_BEFORE = (ImportError, AttributeError, EOFError, pickle.UnpicklingError)
+"""What reading raises where types of another version are named, or a file is cut off."""
 
 
 def is_kept(function: Callable[..., Any], stamp: str) -> bool:
     """Does Numba's cache hold machine code of a function with this stamp?"""
     found = _folder(function).glob(f"{_name(function)}.py*.nbi")
     return any(stamp.encode() in path.read_bytes() for path in found)
+
+
+@functools.cache
+def index_of_code() -> type[Any]:
+    """Numba's index of machine code; what cannot be read is not there, and is compiled anew."""
+    from numba.core.caching import IndexDataCacheFile
+
+    class Index(IndexDataCacheFile):  # type: ignore[misc]
+        def _load_index(self) -> dict[Any, str]:
+            with contextlib.suppress(*OF_BEFORE):
+                return dict(super()._load_index())
+            return {}
+
+        def _load_data(self, name: str) -> Any:
+            try:
+                return super()._load_data(name)
+            except OF_BEFORE as error:
+                raise FileNotFoundError(name) from error  # as where the file is gone
+
+    return Index
 
 
 def plain_seconds(function: Callable[..., Any], stamp: str) -> float:
