@@ -1,7 +1,9 @@
 """Alarms: few, and each with its reason, interval, evidence and action.
 
 An alarm is due when the limit is passed, when a failure within the time ahead is likelier than the
-accepted risk, or when wear has begun where nothing else can be said yet. Like machines tell no such
+accepted risk, or when wear has begun where nothing else can be said yet. Who is asked to act within
+that time is not told so where more than `FAR` times as much is likelier still: a life that is known
+that badly is no date, and the risk that is accepted rises with it. Like machines tell no such
 failure of one whose own growth does not stand out, unless their lives end at its age. It is raised
 once, not at every look, and again when it had cleared and returns; a failure that was due has
 cleared when its risk is half of the accepted one, so that a risk that wavers is no flood. A day has
@@ -37,6 +39,10 @@ LEAD = 0.1
 """Share of the whole life within which a failure has to be foreseen."""
 RELEASE = 0.5
 """Share of the accepted risk below which a failure is no longer due."""
+FAR, EVEN = 5.0, 0.1
+"""Times of the time ahead that are far too early for an alarm, and the chance that so much is left
+beyond which the accepted risk rises in its ratio: of a risk of 0.1 the failure has to be likelier
+within the time ahead than beyond `FAR` times as much."""
 
 
 @dataclass(frozen=True)
@@ -121,7 +127,7 @@ def alarm_of(
                 "… true (the machine) or false alarm (the sensor)"
             )
         return Alarm(component, "limit_passed", reason, interval, action, evidence)
-    if chance > risk:
+    if chance > accepted(life, ahead, risk):
         until = f"{high:.3g}" if np.isfinite(high) else "without end"
         reason = (
             f"{shown}; it lasts {low:.3g} to {until} {life.unit} (80 %), fails within {ahead:.4g} "
@@ -132,6 +138,16 @@ def alarm_of(
             action += f", by {life.calendar.said(life.now + life.not_before)}"
         return Alarm(component, "failure_due", reason, interval, action, evidence)
     return None
+
+
+def accepted(life: Life, ahead: float, risk: float) -> float:
+    """The risk that is accepted of a life that may be far longer than the time ahead.
+
+    >>> sure, open_ended = (Life.of("h", [0.1, 0.9], [8.0, last]) for last in (30.0, 300.0))
+    >>> [round(accepted(one, 10.0, 0.1), 2) for one in (sure, open_ended)]
+    [0.1, 0.78]
+    """
+    return risk * max((1.0 - life.probability_before(FAR * ahead)) / EVEN, 1.0)
 
 
 def lead(indicator: Indicator, life: Life, share: float) -> float:

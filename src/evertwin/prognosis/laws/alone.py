@@ -11,13 +11,20 @@ and what they say is corrected by how drawn wear that follows none of them went 
 * *rush*: how much sooner the limit comes at the fastest pace that a median rose by within the
   newest `LATEST`, beyond what noise does.
 
+The upper end reaches at least to where growth comes that slows down further as it did: by the power
+of its age that leads through the levels when it began, at half of its age and now. The newest
+values alone do not show how much faster it was.
+
 The median is where the loss in whole lives is least; that of a straight line stays. Five drawn
 lives in a hundred end before the lower end, so that sudden ends that were not drawn have room, and
 eight after the upper one. Narrow answers are earned with a fleet.
 
->>> sure = widened(50.0 * np.exp(0.01 * (LEVELS - 0.5)), Pace(4.0, np.inf))
->>> 49.0 < float(np.interp(0.5, LEVELS, sure)) < 51.0
-True
+>>> told = 50.0 * np.exp(0.01 * (LEVELS - 0.5))
+>>> sure, slowing = widened(told, Pace(4.0, np.inf)), widened(told, Pace(4.0, np.inf, 6.0))
+>>> [round(float(np.interp(p, LEVELS, sure))) for p in (0.5, 0.9)]
+[50, 69]
+>>> round(float(np.interp(0.9, LEVELS, slowing)))
+403
 """
 
 from __future__ import annotations
@@ -31,7 +38,7 @@ import scipy
 from evertwin.prognosis.laws.indicator import Indicator
 from evertwin.prognosis.laws.life import LEVELS
 from evertwin.prognosis.laws.onset import SHORT, medians, without_covariates
-from evertwin.prognosis.laws.scaled import Problem, noise_of
+from evertwin.prognosis.laws.scaled import Problem, noise_of, steady
 from evertwin.types import Float64, Vector
 
 NEWEST = 0.5
@@ -57,6 +64,10 @@ NEXT = 0.003
 """Least share of the way that is left."""
 NARROWEST = 0.2
 """Least distance of an end from the median, as a logarithm."""
+POWERS = (0.1, 4.0)
+"""Powers of its age that growth is followed by to the limit where it slows down."""
+HALVES = 4
+"""Values of each half that tell how growth slows down."""
 
 _SCORES = scipy.special.ndtri(LEVELS)
 
@@ -72,6 +83,8 @@ class Pace(NamedTuple):
     """Logarithm of the age."""
     rush: float
     """Logarithm of the time to the limit at the fastest pace lately; infinite: none stands out."""
+    slowing: float = -np.inf
+    """Logarithm of the time to the limit by the power that it grew by; −∞: not known."""
 
 
 def newest(indicator: Indicator) -> Indicator:
@@ -92,7 +105,23 @@ def pace_of(problem: Problem) -> Pace:
     span = problem.age * (problem.s[-1] - problem.s[0])
     since = problem.age * (1.0 - problem.s[-1])  # time since the newest value
     left = max(_rushed(s, (y - start) / way) * span - since, 1e-6 * span)
-    return Pace(float(np.log(problem.age)), float(np.log(left)))
+    age = float(np.log(problem.age))
+    return Pace(age, float(np.log(left)), age + _slowing(s, (y - start) / way))
+
+
+def _slowing(s: Vector, y: Vector) -> float:
+    """Logarithm of the time to the limit, 1, in ages, by the power that leads through the levels at
+    half of the age and now; −∞ where it did not grow over both."""
+    half = int(np.searchsorted(s, 0.5))
+    if min(half, len(y) - half) < HALVES:
+        return -np.inf
+    (older, end), (newer, now) = (steady(s[k], y[k]) for k in (slice(half), slice(half, None)))
+    middle = 0.5 * (end + older * (0.5 - s[half - 1]) + now - newer * (s[-1] - 0.5))
+    if not middle < now < 1.0:
+        return -np.inf
+    power = np.log2(now / middle) if middle > 0.0 else POWERS[1]
+    longer = now ** (-1.0 / np.clip(power, *POWERS)) - 1.0
+    return float(np.log(max(longer, 1e-3)))
 
 
 def _rushed(s: Vector, y: Vector) -> float:
@@ -147,6 +176,7 @@ def widened(remaining: Float64[np.ndarray, " k"], pace: Pace) -> Float64[np.ndar
         return None
     half, known = found
     first, middle, last = LOW @ known, HALF @ known, HIGH @ known
+    last = max(last, pace.slowing - float(np.log(half)))
     below, above = (max(x, NARROWEST) / 1.2816 for x in (middle - first, last - middle))
     if 1.2816 * (below + above) > np.log(VACUOUS):
         return None

@@ -4,7 +4,8 @@ Looked at is the median of the newest `SHORT` values, beside the lowest median o
 was: a baseline that run-in pulls down and no single value moves. Wear has begun where
 
 * the median lies `SHARE` of the way from the baseline to the limit above it (an effect, not a
-  significance: every long series differs from its beginning by something);
+  significance: every long series differs from its beginning by something; where values are told by
+  their logarithms, of the way of the values too);
 * that is `SURE` times the scatter of such medians from one to the next, which holds the noise with
   whatever it leans on the values before, or of half the doubt that the values state themselves:
   what a fit is unsure of it may be unsure of in one direction for long;
@@ -64,6 +65,10 @@ def find_onset(indicator: Indicator) -> Onset | None:
     way = problem.limit - base
     grown = np.where(way > 0.0, level - base, 0.0)
     effect = grown / np.where(way > 0.0, way, 1.0)
+    if indicator.ratio:
+        unit = indicator.limit.sign * problem.scale
+        share = np.expm1(unit * grown) / np.expm1(unit * np.where(way > 0.0, way, 1.0))
+        effect = np.minimum(effect, share)
     outside = effect - _shifted(y, starts, short) / np.where(way > 0.0, way, 1.0)
     scatter = np.maximum(_scatter(y, level, short), _stated(life, problem.scale, short))
     sure = grown / np.maximum(SURE * scatter, 1e-12)

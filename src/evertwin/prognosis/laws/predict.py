@@ -34,7 +34,7 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.errors import UsageError
-from evertwin.prognosis.laws.alone import newest, pace_of, widened
+from evertwin.prognosis.laws.alone import Pace, newest, pace_of, widened
 from evertwin.prognosis.laws.crowded import by_time
 from evertwin.prognosis.laws.fleet import Fleet, Member
 from evertwin.prognosis.laws.hypotheses import LAWS, every_look, sharpened
@@ -158,11 +158,24 @@ def alone(
     newer = found if isinstance(newer, NotEnough) or newer.passed is not None else newer
     if isinstance(newer, NotEnough):
         return newer, onset
-    remaining = widened(newer.remaining, pace_of(problem if isinstance(whole, str) else whole))
+    pace = pace_of(problem if isinstance(whole, str) else whole)
+    remaining = widened(newer.remaining, pace)
     if remaining is None:
-        return not_begun(indicator, problem), onset
+        return slows(newer, pace) or not_begun(indicator, problem), onset
     ends = np.where(1.0 - level > LEVELS, remaining, np.inf)
     return replace(newer, remaining=ends), onset
+
+
+def slows(newer: Life, pace: Pace) -> NotEnough | None:
+    """The answer where growth slowed down too much to be followed; None where it did not."""
+    if widened(newer.remaining, pace._replace(slowing=-np.inf)) is None:
+        return None
+    now, slower = newer.median / np.exp(pace.age), float(np.exp(pace.slowing - pace.age))
+    return NotEnough(
+        "growth that slows down no further, or is followed until it shows how it does",
+        f"the limit is {now:.2g} times its age away at the newest pace, {slower:.2g} times if "
+        "growth slows down as it did so far",
+    )
 
 
 def stands_still(indicator: Indicator) -> NotEnough | None:
