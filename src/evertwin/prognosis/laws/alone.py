@@ -20,11 +20,11 @@ lives in a hundred end before the lower end, so that sudden ends that were not d
 eight after the upper one. Narrow answers are earned with a fleet.
 
 >>> told = 50.0 * np.exp(0.01 * (LEVELS - 0.5))
->>> sure, slowing = widened(told, Pace(4.0, np.inf)), widened(told, Pace(4.0, np.inf, 6.0))
+>>> sure, slowing = widened(told, Pace(4.0, np.inf)), widened(told, Pace(4.0, np.inf, 5.5))
 >>> [round(float(np.interp(p, LEVELS, sure))) for p in (0.5, 0.9)]
-[50, 69]
+[50, 73]
 >>> round(float(np.interp(0.9, LEVELS, slowing)))
-403
+245
 """
 
 from __future__ import annotations
