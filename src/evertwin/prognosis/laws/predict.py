@@ -168,7 +168,7 @@ def alone(
 
 def slows(newer: Life, pace: Pace) -> NotEnough | None:
     """The answer where growth slowed down too much to be followed; None where it did not."""
-    if widened(newer.remaining, pace._replace(slowing=-np.inf)) is None:
+    if pace.slowing == -np.inf or widened(newer.remaining, pace._replace(slowing=-np.inf)) is None:
         return None
     now, slower = newer.median / np.exp(pace.age), float(np.exp(pace.slowing - pace.age))
     return NotEnough(
