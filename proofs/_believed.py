@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.prognosis.laws import Life
-from evertwin.prognosis.laws.alarms import LEAD, alarm_of
-from evertwin.prognosis.laws.life import LEVELS
-from evertwin.prognosis.lives import ComponentLife
+from evertwin.prognosis.laws.plans.alarms import LEAD, alarm_of
+from evertwin.prognosis.laws.series.life import LEVELS
+from evertwin.prognosis.outlook.lives import ComponentLife
 from planted.metrics import covers, crps
 
 CUTS = (0.3, 0.5, 0.7, 0.9)

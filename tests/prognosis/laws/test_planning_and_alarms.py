@@ -13,10 +13,8 @@ from hypothesis import strategies as st
 
 from evertwin.errors import UsageError
 from evertwin.prognosis.laws import Indicator, Life, Limit, NotEnough, Onset
-from evertwin.prognosis.laws.alarms import Alarm, alarm_of, has_cleared, within_budget
-from evertwin.prognosis.laws.indicator import without_factors
-from evertwin.prognosis.laws.life import LEVELS
-from evertwin.prognosis.laws.planning import (
+from evertwin.prognosis.laws.plans.alarms import Alarm, alarm_of, has_cleared, within_budget
+from evertwin.prognosis.laws.plans.planning import (
     Decision,
     Part,
     Plan,
@@ -24,7 +22,9 @@ from evertwin.prognosis.laws.planning import (
     Stop,
     planned,
 )
-from evertwin.prognosis.laws.renewal import Cost, Renewal, Windows
+from evertwin.prognosis.laws.plans.renewal import Cost, Renewal, Windows
+from evertwin.prognosis.laws.series.indicator import without_factors
+from evertwin.prognosis.laws.series.life import LEVELS
 
 
 def cheapest(

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from evertwin.prognosis.laws import Indicator, Life, Limit, find_onset, predict_life
-from evertwin.prognosis.laws.alarms import FAR, RELEASE, accepted, alarm_of, has_cleared
-from evertwin.prognosis.laws.alone import Pace, pace_of
+from evertwin.prognosis.laws.plans.alarms import FAR, RELEASE, accepted, alarm_of, has_cleared
 from evertwin.prognosis.laws.predict import slows
-from evertwin.prognosis.laws.scaled import Problem, scaled
+from evertwin.prognosis.laws.series.scaled import Problem, scaled
+from evertwin.prognosis.laws.wear.alone import Pace, pace_of
 
 
 def creeping(seed: int, limit: float, now: float = 1.0) -> Indicator:

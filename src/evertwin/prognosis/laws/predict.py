@@ -6,7 +6,7 @@ wear to begin (`onset`) and is as wide as was measured on wear that follows none
 (`alone`). With a fleet its levels are asked (`fleet`), and laws by the chance that this one wears
 in another form (`likeness`).
 
->>> from evertwin.prognosis.laws.indicator import Limit
+>>> from evertwin.prognosis.laws.series.indicator import Limit
 >>> rng = np.random.default_rng(0)
 >>> t = np.arange(50.0)
 >>> wear = Indicator.of("wear", "mm", Limit(1.0), t, 0.01 * t + 0.01 * rng.standard_normal(50))
@@ -34,20 +34,20 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.errors import UsageError
-from evertwin.prognosis.laws.alone import Pace, newest, pace_of, widened
-from evertwin.prognosis.laws.crowded import by_time
-from evertwin.prognosis.laws.fleet import Fleet, Member
-from evertwin.prognosis.laws.hypotheses import LAWS, every_look, sharpened
-from evertwin.prognosis.laws.indicator import Indicator
-from evertwin.prognosis.laws.lasting import comes_and_goes, flat_since
-from evertwin.prognosis.laws.life import LEVELS, Life, NotEnough, Onset, Workload, quantiles
-from evertwin.prognosis.laws.likeness import at_some_age, by_chance
-from evertwin.prognosis.laws.mixture import COARSE, fine_nodes, mixture, never
-from evertwin.prognosis.laws.onset import SHARE, find_onset
-from evertwin.prognosis.laws.proportional import by_share
-from evertwin.prognosis.laws.scaled import Problem, noise_of, scaled, steady
-from evertwin.prognosis.laws.swing import without_swing
-from evertwin.prognosis.laws.way import LEAST, Way, way_of
+from evertwin.prognosis.laws.growth.lasting import comes_and_goes, flat_since
+from evertwin.prognosis.laws.growth.onset import SHARE, find_onset
+from evertwin.prognosis.laws.growth.way import LEAST, Way, way_of
+from evertwin.prognosis.laws.likes.fleet import Fleet, Member
+from evertwin.prognosis.laws.likes.likeness import at_some_age, by_chance
+from evertwin.prognosis.laws.series.crowded import by_time
+from evertwin.prognosis.laws.series.indicator import Indicator
+from evertwin.prognosis.laws.series.life import LEVELS, Life, NotEnough, Onset, Workload, quantiles
+from evertwin.prognosis.laws.series.proportional import by_share
+from evertwin.prognosis.laws.series.scaled import Problem, noise_of, scaled, steady
+from evertwin.prognosis.laws.series.swing import without_swing
+from evertwin.prognosis.laws.wear.alone import Pace, newest, pace_of, widened
+from evertwin.prognosis.laws.wear.hypotheses import LAWS, every_look, sharpened
+from evertwin.prognosis.laws.wear.mixture import COARSE, fine_nodes, mixture, never
 
 FAR = 20.0
 """A median beyond so many ages is no answer: growth is not told from none."""
