@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from scipy.stats import invgauss
 
-from evertwin.prognosis.laws import bank, passage, scaled
+from evertwin.prognosis.laws.series import scaled
 from evertwin.prognosis.laws.series.life import LEVELS, Life
+from evertwin.prognosis.laws.wear import bank, passage
 from evertwin.prognosis.laws.wear.bank import Posterior, evaluate, without_growth
 from evertwin.prognosis.laws.wear.clocks import Clocks, Form
 from evertwin.prognosis.laws.wear.hypotheses import LAWS, families

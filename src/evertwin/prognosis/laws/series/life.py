@@ -268,10 +268,6 @@ class Life:
             return risk
         return min(risk, replace(self, remaining=self.by_age).probability_before(time))
 
-    def sample(self, n: int, rng: np.random.Generator) -> Float64[np.ndarray, " n"]:
-        """``n`` remaining lives drawn from the distribution."""
-        return interpolated(rng.random(n), LEVELS, self.remaining)
-
     def dates(self) -> dict[str, object] | None:
         """The same as dates; None where the clock tells none."""
         told = self.calendar
