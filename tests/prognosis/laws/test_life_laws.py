@@ -149,7 +149,7 @@ def test_the_document_holds_what_readers_need() -> None:
     assert entry["life"].keys() >= {"median", "interval80", "interval95", "unit"}  # type: ignore[attr-defined]
     before = entry["probability_before"]
     assert isinstance(before, dict) and before["30"] < 0.5 < before["60"]
-    short = entry_of(noisy, predict_life(noisy.rows(noisy.at <= 3.0)))
+    short = entry_of(noisy, predict_life(noisy.until(3.0)))
     assert short["life"] == {
         "verdict": "not enough data",
         "needs": "at least 6 values at different times since the component was new or replaced, "

@@ -78,8 +78,7 @@ def test_units_do_not_matter(factor: float) -> None:
 
 def test_life_narrows_as_data_arrive() -> None:
     whole = wear(np.arange(100.0) / 100)
-    known = [told(whole.rows(whole.at <= t)) for t in (30.0, 60.0, 90.0)]
-    wide = [np.subtract(*one.interval95[::-1]) for one in known]
+    wide = [np.subtract(*told(whole.until(t)).interval95[::-1]) for t in (30.0, 60.0, 90.0)]
     assert wide[0] > 2.0 * wide[1] > 4.0 * wide[2]
 
 

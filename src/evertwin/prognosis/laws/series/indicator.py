@@ -171,6 +171,10 @@ class Indicator:
         """From each value to the limit; negative once the limit is passed."""
         return self.limit.sign * (self.limit.value - self.value)
 
+    def until(self, moment: float) -> Indicator:
+        """What was known at ``moment``: no later value, no later maintenance."""
+        return self._take(self.at <= moment, [m for m in self.maintenance if m.at <= moment])
+
     def seen_at(self, now: float) -> Indicator:
         """The series as it is looked at later: one more row, without a value, at ``now``.
 
