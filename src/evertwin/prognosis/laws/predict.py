@@ -216,11 +216,7 @@ def beyond_for_good(indicator: Indicator) -> bool:
 
     Not where temperature, load or warm-up move them: the limit holds at the reference alone.
     """
-    life = indicator.since_replaced()
-    if life.covariates:
-        return False
-    apart = life.distance()[np.isfinite(life.value)]
-    return len(apart) >= LASTING and bool(np.all(apart[-LASTING:] <= 0.0))
+    return _beyond(indicator)[0] >= LASTING
 
 
 def still_sound(indicator: Indicator) -> bool:
@@ -237,13 +233,19 @@ def still_sound(indicator: Indicator) -> bool:
 
 def held_back(indicator: Indicator) -> int:
     """How many of the newest values lie beyond the limit, where they are too few to end a life."""
+    few, known = _beyond(indicator)
+    return few if few < min(LASTING, known) else 0
+
+
+def _beyond(indicator: Indicator) -> tuple[int, int]:
+    """(how many of the newest values lie beyond the limit, of how many); 0 where covariates move
+    them."""
     life = indicator.since_replaced()
     if life.covariates:
-        return 0
+        return 0, 0
     apart = life.distance()[np.isfinite(life.value)]
     within = np.flatnonzero(apart > 0.0)
-    few = len(apart) - 1 - int(within[-1]) if len(within) else 0
-    return few if few < LASTING else 0
+    return len(apart) - 1 - int(within.max(initial=-1)), len(apart)
 
 
 def over(indicator: Indicator, problem: Problem) -> Life:

@@ -161,49 +161,45 @@ class Plan:
         content: Any = {
             "schema": "evertwin.plan/1", "name": self.name, "unit": self.unit,
             "items": [
-                {
-                    "component": one.component, "after": one.after,
-                    "date": self.date(one.after) or None, "past": self.gone(one.after),
-                    "window": one.window,
-                    "probability_before": one.probability, "cost_rate": one.rate,
-                    "cost_rate_run_to_failure": one.rate_to_failure, "median_life": one.median,
-                    "decision": one.decision.verdict, "reason": one.decision.reason,
-                    "note": one.note,
-                }
-                for one in self.items
+                {**self._row(one), "date": self.date(one.after) or None,
+                 "past": self.gone(one.after)} for one in self.items
             ],
             "stops": [stop._asdict() for stop in self.stops], "saving": self.saving,
             "without_date": self.without, "notes": self.notes,
         }  # fmt: skip
         return plain(content)  # type: ignore[return-value]
 
+    @staticmethod
+    def _row(one: PlanItem) -> dict[str, Any]:
+        return {
+            "component": one.component, "after": one.after, "window": one.window,
+            "probability_before": one.probability, "cost_rate": one.rate,
+            "cost_rate_run_to_failure": one.rate_to_failure, "median_life": one.median,
+            "decision": one.decision.verdict, "reason": one.decision.reason, "note": one.note,
+        }  # fmt: skip
+
     def to_csv(self) -> str:
         """One line per component; an infinite date is an empty cell."""
         out = io.StringIO()
-        writer = csv.writer(out, lineterminator="\n")
-        writer.writerow(HEADINGS)
-        numbers = {name: k for k, stop in enumerate(self.stops) for name in stop.components}
+        writer = csv.DictWriter(out, HEADINGS, restval="", lineterminator="\n")
+        writer.writeheader()
+        stops = {
+            name: {"stop": k, "stop_saving": stop.saving}
+            for k, stop in enumerate(self.stops, 1) for name in stop.components
+        }  # fmt: skip
         for one in self.items:
-            number = numbers.get(one.component)
-            saving = "" if number is None else _cell(self.stops[number].saving)
-            writer.writerow([
-                _safe(one.component), _cell(one.after), one.unit,
-                "" if one.window is None else one.window, _cell(one.probability),
-                _cell(one.rate), _cell(one.rate_to_failure), _cell(one.median),
-                one.decision.verdict, _safe(one.decision.reason),
-                "" if number is None else number + 1, saving, _safe(one.note),
-                self.date(one.after),
-            ])  # fmt: skip
+            row = self._row(one) | {"unit": one.unit, **stops.get(one.component, {})}
+            cells = {name: _cell(value) for name, value in row.items()}
+            writer.writerow(cells | {"date": self.date(one.after)})
         return out.getvalue()
 
 
-def _cell(x: float) -> str:
-    return f"{x:.6g}" if np.isfinite(x) else ""
-
-
-def _safe(text: str) -> str:
-    """A cell that a spreadsheet takes for text, not for a formula."""
-    return f"'{text}" if text[:1] in ("=", "+", "-", "@", "\t", "\r") else text
+def _cell(value: object) -> object:
+    """A number to six digits, if it is finite; a text that a spreadsheet takes for no formula."""
+    if isinstance(value, float):
+        return f"{value:.6g}" if np.isfinite(value) else ""
+    risky = isinstance(value, str) and value[:1] in ("=", "+", "-", "@", "\t", "\r")
+    return f"'{value}" if risky else value
 
 
 def planned(

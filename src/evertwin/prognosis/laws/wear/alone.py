@@ -39,6 +39,7 @@ from evertwin.prognosis.laws.growth.onset import SHORT, medians, without_covaria
 from evertwin.prognosis.laws.series.indicator import Indicator
 from evertwin.prognosis.laws.series.life import LEVELS
 from evertwin.prognosis.laws.series.scaled import Problem, noise_of, steady
+from evertwin.prognosis.laws.wear.clocks import HUGE
 from evertwin.types import Float64, Vector
 
 NEWEST = 0.5
@@ -117,11 +118,11 @@ def _slowing(s: Vector, y: Vector) -> float:
         return -np.inf
     (older, end), (newer, now) = (steady(s[k], y[k]) for k in (slice(half), slice(half, None)))
     middle = 0.5 * (end + older * (0.5 - s[half - 1]) + now - newer * (s[-1] - 0.5))
-    if not middle < now < 1.0:
+    if not max(middle, 0.0) < now < 1.0:
         return -np.inf
     power = np.log2(now / middle) if middle > 0.0 else POWERS[1]
-    longer = now ** (-1.0 / np.clip(power, *POWERS)) - 1.0
-    return float(np.log(max(longer, 1e-3)))
+    longer = min(-np.log(now) / float(np.clip(power, *POWERS)), HUGE)
+    return float(np.log(max(np.expm1(longer), 1e-3)))
 
 
 def _rushed(s: Vector, y: Vector) -> float:

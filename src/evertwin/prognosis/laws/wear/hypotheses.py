@@ -138,16 +138,13 @@ def families(laws: Sequence[str] = LAWS) -> tuple[Family, ...]:
     unknown = sorted(set(laws) - set(LAWS))
     if unknown or not laws:
         raise UsageError(f"laws: expected some of {', '.join(LAWS)}, got {unknown or 'none'}")
-    ratio, most = np.log(RATIO), 14
-    axes = {
-        "linear": np.zeros(1),
-        "exponential": np.linspace(np.log(YOUNG * EXPONENT[0]), np.log(EXPONENT[1]), 16),
-        "saturating": np.linspace(np.log(YOUNG * SATURATING[0]), np.log(SATURATING[1]), most),
-        "cracking": np.linspace(np.log(YOUNG * CRACK[0]), np.log(CRACK[1]), most),
-        "power": np.linspace(np.log(POWER[0]), np.log(POWER[1]), most),
-        "wiener": np.linspace(ratio[0], ratio[1], most),
-    }
-    return tuple(Family(law, axes[law]) for law in LAWS if law in laws)
+    found = []
+    for law in (law for law in LAWS if law in laws):
+        low, high = WIDE.get(law, RATIO)
+        least = low if law in ("power", "wiener") else YOUNG * low
+        axis = np.linspace(np.log(least), np.log(high), 16 if law == "exponential" else 14)
+        found.append(Family(law, np.zeros(1) if law == "linear" else axis))
+    return tuple(found)
 
 
 def _step(axis: np.ndarray) -> float:
