@@ -14,11 +14,15 @@ import numpy as np
 from evertwin.config.prognosis import IndicatorSpec
 from evertwin.fold import plain
 from evertwin.prognosis.formula import Formula
-from evertwin.prognosis.laws import Fleet, Indicator, Life, NotEnough, Workload
+from evertwin.prognosis.histories.health import unless_overdue
+from evertwin.prognosis.histories.observed_series import component_of
+from evertwin.prognosis.laws import Fleet, Indicator, Life, NotEnough, Workload, predict_life
 from evertwin.prognosis.laws.plans.alarms import Alarm
 from evertwin.prognosis.laws.predict import LASTING, held_back
 from evertwin.prognosis.laws.series.calendar import UNITS, Calendar
-from evertwin.prognosis.outlook.course import Course
+from evertwin.prognosis.laws.wear.hypotheses import LAWS
+from evertwin.prognosis.likes.another_type import of_its_type
+from evertwin.prognosis.outlook.course import Course, course, courses_by_law
 from evertwin.types import Json
 
 OTHER = 1.3
@@ -135,6 +139,30 @@ class ComponentLife:
     def sentence(self) -> str:
         """What is known, in one sentence."""
         return said(self.life)
+
+
+def told_of(
+    rule: IndicatorSpec, own: Indicator, likes: Fleet | None, *, drawn: bool
+) -> ComponentLife:
+    """The life of a component under work as before.
+
+    Args:
+        rule: what tells its wear.
+        own: its indicator, seen from now.
+        likes: like machines, which are left out where they are of another type.
+        drawn: with its course, for pictures.
+    """
+    fleet, unlike = of_its_type(own, likes)
+    own = own.with_(notes=(*own.notes, *unlike))
+    laws = rule.laws or LAWS
+    life = unless_overdue(own, predict_life(own, laws, fleet))
+    way, by_law = None, dict[str, Course]()
+    if drawn and isinstance(life, Life):
+        way, by_law = course(own, life, laws, fleet), courses_by_law(own, life)
+    whose = component_of(rule)
+    return ComponentLife(
+        whose, rule, own, life, life, Formula.parse("1"), course=way, by_law=by_law, fleet=fleet
+    )
 
 
 def said(life: Life | NotEnough) -> str:

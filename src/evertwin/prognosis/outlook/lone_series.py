@@ -24,7 +24,6 @@ import numpy as np
 
 from evertwin.config.prognosis import IndicatorSpec, PrognosisSpec
 from evertwin.errors import DataError, UsageError, naming
-from evertwin.prognosis.formula import Formula
 from evertwin.prognosis.histories.contradictions import check_end, check_limit
 from evertwin.prognosis.histories.headings import (
     clock_of,
@@ -36,7 +35,7 @@ from evertwin.prognosis.histories.headings import (
     rising,
     seconds_of,
 )
-from evertwin.prognosis.histories.health import indicator_of, seen, today_of, unless_overdue
+from evertwin.prognosis.histories.health import indicator_of, seen, today_of
 from evertwin.prognosis.histories.history_file import counted_by, in_seconds, of_table
 from evertwin.prognosis.histories.steps import back_of, check_steps, shift_of
 from evertwin.prognosis.histories.value_columns import CLOCKS, value_columns
@@ -44,11 +43,8 @@ from evertwin.prognosis.laws import Fleet, Indicator, Life, Limit, Maintenance, 
 from evertwin.prognosis.laws.plans.alarms import alarm_of
 from evertwin.prognosis.laws.series.calendar import FIRST, UNITS
 from evertwin.prognosis.laws.series.indicator import Direction
-from evertwin.prognosis.laws.wear.hypotheses import LAWS
-from evertwin.prognosis.likes.another_type import of_its_type
 from evertwin.prognosis.likes.like_machines import Likes, fleet_of, past_of
-from evertwin.prognosis.outlook.course import course, courses_by_law
-from evertwin.prognosis.outlook.lives import ComponentLife, Lives, said
+from evertwin.prognosis.outlook.lives import Lives, said, told_of
 from evertwin.settings.quantity import written
 from evertwin.signals.units import compatible, from_si, to_si
 from evertwin.sources.columns.names import split_unit
@@ -114,19 +110,16 @@ def life_of_series(asked: Series, *, drawn: bool = False) -> Lives:
     likes = fleet_of(
         Likes(rule, limit, clock, asked.fleet, asked.failed, own=bare, past=past_of(own))
     )
-    fleet, unlike = of_its_type(own, likes)
     if asked.from_today:
         own = seen(own, today_of((own,)))
-    life = unless_overdue(own, predict_life(own, fleet=fleet))
-    told = (*unlike, *_shifted(own, fleet, known.lines), *_stepped_back(own, known.lines))
+    one = told_of(rule, own, likes, drawn=drawn)
+    own, life = one.indicator, one.life
+    told = (*_shifted(own, one.fleet, known.lines), *_stepped_back(own, known.lines))
     told += _away(own, life)
     if not asked.clock and clock not in (*CLOCKS, mileage_of(table)):
         told += (f"{table.name}: life is counted by {clock}, which rises with every row",)
     own = own.with_(notes=(*own.notes, *told))
-    one = ComponentLife(column, rule, own, life, life, Formula.parse("1"), fleet=fleet)
-    if drawn and isinstance(life, Life):
-        way = course(own, life, LAWS, fleet)
-        one = replace(one, course=way, by_law=courses_by_law(own, life))
+    one = replace(one, indicator=own)
     due = alarm_of(column, own, life, None, PrognosisSpec().risk)
     now = float(own.at[-1]) if len(own.at) else 0.0
     return Lives(

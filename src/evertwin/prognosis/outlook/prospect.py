@@ -7,7 +7,7 @@ the most urgent stands for it. The machine lasts as long as the first of its cri
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -26,7 +26,6 @@ from evertwin.prognosis.histories.health import (
     series_of,
     today_of,
     uncounted,
-    unless_overdue,
 )
 from evertwin.prognosis.histories.observed_series import Observed, component_of
 from evertwin.prognosis.histories.parameter_history import History, history
@@ -38,17 +37,13 @@ from evertwin.prognosis.laws import (
     Limit,
     NotEnough,
     first_of,
-    predict_life,
 )
 from evertwin.prognosis.laws.plans.alarms import alarm_of
 from evertwin.prognosis.laws.series.calendar import Calendar
-from evertwin.prognosis.laws.wear.hypotheses import LAWS
-from evertwin.prognosis.likes.another_type import of_its_type
 from evertwin.prognosis.likes.like_machines import Likes, files_of, fleet_of, past_of
 from evertwin.prognosis.outlook.alarm_log import called_false, time_ahead
-from evertwin.prognosis.outlook.course import Course, course, courses_by_law
 from evertwin.prognosis.outlook.limits import accuracy_limit, breakdown_limits, limit_of
-from evertwin.prognosis.outlook.lives import ComponentLife, Lives, said
+from evertwin.prognosis.outlook.lives import ComponentLife, Lives, said, told_of
 from evertwin.prognosis.outlook.workplan import Plan, past_cycles, plan_of, wears, workload
 from evertwin.rows.feed import Data
 from evertwin.signals.units import from_si, to_si
@@ -185,23 +180,16 @@ class Prospect:
     def life(self, rule: IndicatorSpec, *, drawn: bool = False) -> ComponentLife:
         """The life that one indicator tells; ``drawn``: with its course."""
         indicator = self.series[self.basis.setup.spec.indicator.index(rule)]
-        laws, likes = rule.laws or LAWS, self.fleet(rule, indicator)
-        fleet, unlike = of_its_type(indicator, likes)
-        indicator = indicator.with_(notes=(*indicator.notes, *unlike))
-        before = life = unless_overdue(indicator, predict_life(indicator, laws, fleet))
-        formula = wears(rule, self.basis.model)
-        way, alone, work = None, dict[str, Course](), None
-        if drawn and isinstance(life, Life):
-            way = course(indicator, life, laws, fleet)
-            alone = courses_by_law(indicator, life)
-        if self.basis.setup.spec.work and isinstance(life, Life):
-            work = workload(formula, self.planned, past_cycles(self.rule, indicator))
-            life = life.through(work, life.unit)
-            way = None if way is None else way.through(work)
-            alone = {law: one.through(work) for law, one in alone.items()}
-        return ComponentLife(
-            component_of(rule), rule, indicator, life, before, formula, work, way, alone, fleet
-        )
+        one = told_of(rule, indicator, self.fleet(rule, indicator), drawn=drawn)
+        one = replace(one, wears=wears(rule, self.basis.model))
+        if not self.basis.setup.spec.work or not isinstance(one.life, Life):
+            return one
+        work = workload(one.wears, self.planned, past_cycles(self.rule, indicator))
+        return replace(
+            one, life=one.life.through(work, one.life.unit), work=work,
+            course=None if one.course is None else one.course.through(work),
+            by_law={law: way.through(work) for law, way in one.by_law.items()},
+        )  # fmt: skip
 
     def lives(self, *, drawn: bool = False) -> Lives:
         """All components.
