@@ -12,8 +12,8 @@ and what they say is corrected by how drawn wear that follows none of them went 
   newest `LATEST`, beyond what noise does.
 
 The upper end reaches at least to where growth comes that slows down further as it did: by the power
-of its age that leads through the levels when it began, at half of its age and now. The newest
-values alone do not show how much faster it was.
+of its age that leads through the levels when it began, at half of its age and now; not where it
+rushes. The newest values alone do not show how much faster it was.
 
 The median is where the loss in whole lives is least; that of a straight line stays. Five drawn
 lives in a hundred end before the lower end, so that sudden ends that were not drawn have room, and
@@ -177,7 +177,8 @@ def widened(remaining: Float64[np.ndarray, " k"], pace: Pace) -> Float64[np.ndar
         return None
     half, known = found
     first, middle, last = LOW @ known, HALF @ known, HIGH @ known
-    last = max(last, pace.slowing - float(np.log(half)))
+    if pace.rush >= np.log(half):
+        last = max(last, pace.slowing - float(np.log(half)))
     below, above = (max(x, NARROWEST) / 1.2816 for x in (middle - first, last - middle))
     if 1.2816 * (below + above) > np.log(VACUOUS):
         return None
