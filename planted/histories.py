@@ -13,7 +13,7 @@ import numpy as np
 
 from evertwin import Twin
 from evertwin.prognosis.laws import Life, NotEnough
-from evertwin.prognosis.lives import ComponentLife
+from evertwin.prognosis.outlook.lives import ComponentLife
 from planted.lives import Planted
 from planted.twins import shipped, written
 

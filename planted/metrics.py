@@ -20,7 +20,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from evertwin.prognosis.laws.life import LEVELS, Life
+from evertwin.prognosis.laws.series.life import LEVELS, Life
 from evertwin.types import Float64
 
 __all__ = ["covers", "crps", "dummy", "horizon", "relative_accuracy", "within"]

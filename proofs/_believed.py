@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.prognosis.laws import Life
-from evertwin.prognosis.laws.alarms import LEAD, alarm_of
-from evertwin.prognosis.laws.life import LEVELS
-from evertwin.prognosis.lives import ComponentLife
+from evertwin.prognosis.laws.plans.alarms import LEAD, alarm_of
+from evertwin.prognosis.laws.series.life import LEVELS
+from evertwin.prognosis.outlook.lives import ComponentLife
 from planted.metrics import covers, crps
 
 CUTS = (0.3, 0.5, 0.7, 0.9)
@@ -30,6 +30,7 @@ class Row(NamedTuple):
     narrow: bool = False
     score: float = np.nan
     dummies: tuple[float, ...] = (np.nan,) * len(DUMMIES)
+    due: bool = False
     early: bool = False
 
 
@@ -53,10 +54,10 @@ def scored(one: ComponentLife, cut: float, truth: float, whole: float, likes: Li
     low, high = life.interval80
     lead = LEAD * (age + life.median)
     due = alarm_of("part", one.indicator, life, lead, RISK)
-    early = due is not None and due.kind == "failure_due" and truth > 5.0 * lead
+    failing = due is not None and due.kind == "failure_due"
     return Row(
         cut, True, covers((low, high), truth), low <= truth, low > 0.0 and high < NARROW * low,
-        crps(life, truth) / whole, others, early,
+        crps(life, truth) / whole, others, failing, failing and truth > 5.0 * lead,
     )  # fmt: skip
 
 
@@ -112,7 +113,8 @@ def line(name: str, found: Sequence[Row]) -> Mapping[float, Counted]:
         print(
             f"{name:20s} {cut:4.0%}  answered {out[cut].answered:4.0%} of {len(asked)}  "
             f"80 %: {held:4.0%}  above the lower end {sum(r.above for r in good) / n:4.0%}  "
-            f"CRPS {loss:.3f} ({beside})  alarms too early {sum(r.early for r in good)}"
+            f"CRPS {loss:.3f} ({beside})  alarms too early {sum(r.early for r in good)} "
+            f"of {sum(r.due for r in good)}"
         )
     sys.stdout.flush()
     return out

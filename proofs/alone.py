@@ -3,7 +3,7 @@
 N (60 by default) series of each drawn law of `planted/unlike.py`, `planted/unseen.py` and
 `planted/uneven.py`, and of the sudden ones of `planted/sudden.py`, asked at `MOMENTS` of its life
 as `predict_life` asks. Quantile regression (Koenker, Bassett 1978) of the true remaining life over
-the median of the laws gives `LOW`, `HALF` and `HIGH` of `evertwin.prognosis.laws.alone`: the ends
+the median of the laws gives `LOW`, `HALF` and `HIGH` of `evertwin.prognosis.laws.wear.alone`: ends
 in logarithms, the median in whole lives, as its loss is counted. Every kind of wear counts alike,
 and in it each answer as much as the stretch of life that it stands for. Exit code 1 if answers move
 by more than `NEAR` (mean of the logarithms) with the figures found here.
@@ -20,9 +20,9 @@ import numpy as np
 import scipy
 
 from evertwin.prognosis.laws import Indicator, Life, Limit, find_onset
-from evertwin.prognosis.laws.alone import HALF, HIGH, LOW, known_of, newest, pace_of
 from evertwin.prognosis.laws.predict import by_laws
-from evertwin.prognosis.laws.scaled import scaled
+from evertwin.prognosis.laws.series.scaled import scaled
+from evertwin.prognosis.laws.wear.alone import HALF, HIGH, LOW, known_of, newest, pace_of
 from planted.sudden import SUDDEN
 from planted.uneven import UNEVEN
 from planted.unlike import LEVELS as LAWS

@@ -98,7 +98,7 @@ def every(laws: Sequence[str], told: tuple[int, int, bool]) -> dict[str, bool]:
     every = {kind: line(f"all {kind}", found) for kind, found in whole.items()}
     alone, fleet = every["alone"], every["fleet"]
     answered = [row for kind in ("alone", "fleet") for row in whole[kind] if row.answered]
-    early = sum(row.early for row in answered) / max(len(answered), 1)
+    early = sum(row.early for row in answered) / max(sum(row.due for row in answered), 1)
     narrow = [row.held for row in answered if row.narrow]
     sure = float(np.mean(narrow)) if narrow else 1.0
     print(f"answers narrower than 5 : 1: {len(narrow)}, {sure:.0%} hold; alarms too early "

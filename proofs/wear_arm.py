@@ -20,7 +20,7 @@ import numpy as np
 from evertwin import Twin
 from evertwin.config import spec
 from evertwin.prognosis.laws import Life
-from evertwin.prognosis.lives import ComponentLife, Lives
+from evertwin.prognosis.outlook.lives import ComponentLife, Lives
 from planted.twins import opened
 from planted.worlds import record_arm
 from proofs._verdict import ended

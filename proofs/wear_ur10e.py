@@ -37,7 +37,7 @@ from evertwin.config.spec import IndicatorSpec
 from evertwin.fold import Block
 from evertwin.models.spec import ParameterSpec
 from evertwin.prognosis.laws import Life
-from evertwin.prognosis.lives import ComponentLife
+from evertwin.prognosis.outlook.lives import ComponentLife
 from planted.histories import Columns, until
 from planted.twins import opened, shipped, written
 from proofs._believed import CUTS, Likes, Row, line, scored

@@ -16,7 +16,7 @@ from evertwin.app.outlook.plan_text import _line
 from evertwin.config import read
 from evertwin.errors import UsageError
 from evertwin.fold import Chunk
-from evertwin.prognosis.laws.planning import PlanItem
+from evertwin.prognosis.laws.plans.planning import PlanItem
 from evertwin.store import Batch, SqliteStore
 from evertwin.twin import Twin
 from planted.serving import TWINS

@@ -21,7 +21,7 @@ from evertwin.config.spec import (
 from evertwin.errors import ConfigError
 from evertwin.fold import Mark, plain, take
 from evertwin.outcome.result import RunResult
-from evertwin.prognosis.parameter_history import history
+from evertwin.prognosis.histories.parameter_history import history
 from evertwin.store import Estimate, SqliteStore
 from evertwin.twin import Twin
 

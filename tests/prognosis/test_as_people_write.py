@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from evertwin.errors import DataError, UsageError
-from evertwin.prognosis.lives import Lives
-from evertwin.prognosis.lone_series import Series, life_of_series, wear_in
+from evertwin.prognosis.outlook.lives import Lives
+from evertwin.prognosis.outlook.lone_series import Series, life_of_series, wear_in
 from evertwin.signals.units import compatible, conversion, si_unit
 from planted.draws import first_of
 

@@ -21,11 +21,11 @@ from evertwin.fold import Answer, Event
 from evertwin.ledger import Label
 from evertwin.models import Parameters
 from evertwin.models.form import Form, Version
-from evertwin.prognosis.alarm_log import called_false
-from evertwin.prognosis.believed import believed
-from evertwin.prognosis.laws.alarms import alarm_of
-from evertwin.prognosis.laws.indicator import Indicator, Limit
-from evertwin.prognosis.laws.life import LEVELS, Life
+from evertwin.prognosis.histories.believed import believed
+from evertwin.prognosis.laws.plans.alarms import alarm_of
+from evertwin.prognosis.laws.series.indicator import Indicator, Limit
+from evertwin.prognosis.laws.series.life import LEVELS, Life
+from evertwin.prognosis.outlook.alarm_log import called_false
 from evertwin.store import Batch, Estimate, SqliteStore
 from planted.draws import first_of
 

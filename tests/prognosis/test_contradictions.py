@@ -10,8 +10,8 @@ import pytest
 from evertwin import Twin, TwinSpec
 from evertwin.config import spec
 from evertwin.errors import DataError
-from evertwin.prognosis.laws.indicator import Direction
-from evertwin.prognosis.lone_series import Series, life_of_series
+from evertwin.prognosis.laws.series.indicator import Direction
+from evertwin.prognosis.outlook.lone_series import Series, life_of_series
 
 GOOD = [f"2025-{1 + k // 28:02d}-{1 + k % 28:02d},{1.9 - 0.004 * k:.4f}" for k in range(60)]
 COUNTED = [f"{k},{1.9 - 0.004 * k:.4f}" for k in range(60)]

@@ -18,10 +18,10 @@ from evertwin.app.outlook.plan_text import label_text, plan_text
 from evertwin.config import spec
 from evertwin.errors import UsageError
 from evertwin.prognosis.laws import Life, NotEnough
-from evertwin.prognosis.laws.calendar import Calendar
-from evertwin.prognosis.lives import Lives
-from evertwin.prognosis.lone_series import Series, life_of_series
-from evertwin.prognosis.upkeep import when_said
+from evertwin.prognosis.laws.series.calendar import Calendar
+from evertwin.prognosis.outlook.lives import Lives
+from evertwin.prognosis.outlook.lone_series import Series, life_of_series
+from evertwin.prognosis.outlook.upkeep import when_said
 
 BEGUN = datetime(2025, 3, 1, 8, 0)
 

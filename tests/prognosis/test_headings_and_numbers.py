@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from evertwin.errors import DataError, UsageError
-from evertwin.prognosis.laws.indicator import Direction
-from evertwin.prognosis.lone_series import Series, life_of_series
+from evertwin.prognosis.laws.series.indicator import Direction
+from evertwin.prognosis.outlook.lone_series import Series, life_of_series
 
 WORN = 2.0 + 0.05 * np.arange(40) + 0.02 * np.sin(7.0 * np.arange(40))
 

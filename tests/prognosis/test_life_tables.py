@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from evertwin.errors import DataError
-from evertwin.prognosis.lone_series import Series, life_of_series, wear_in
+from evertwin.prognosis.outlook.lone_series import Series, life_of_series, wear_in
 
 N = 80
 DAYS = [f"{np.datetime64('2025-01-01T07:00') + np.timedelta64(7 * k, 'h')}" for k in range(N)]

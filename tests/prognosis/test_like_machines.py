@@ -10,11 +10,11 @@ import pytest
 from evertwin import Twin, TwinSpec
 from evertwin.config import spec
 from evertwin.errors import DataError, UsageError
-from evertwin.prognosis.course import course
 from evertwin.prognosis.laws import Life
-from evertwin.prognosis.laws.hypotheses import LAWS
-from evertwin.prognosis.like_machines import files_of
-from evertwin.prognosis.lone_series import Series, life_of_series
+from evertwin.prognosis.laws.wear.hypotheses import LAWS
+from evertwin.prognosis.likes.like_machines import files_of
+from evertwin.prognosis.outlook.course import course
+from evertwin.prognosis.outlook.lone_series import Series, life_of_series
 from evertwin.store import Batch, Checkpoint, Estimate, SqliteStore
 from planted.draws import first_of
 

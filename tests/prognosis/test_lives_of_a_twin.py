@@ -14,8 +14,8 @@ from evertwin.ahead.spec import SCENARIO
 from evertwin.config import spec
 from evertwin.errors import ConfigError, DataError, UsageError
 from evertwin.prognosis.formula import Formula
+from evertwin.prognosis.histories.parameter_history import history
 from evertwin.prognosis.laws import Life, NotEnough
-from evertwin.prognosis.parameter_history import history
 from evertwin.store import Batch, Estimate, SqliteStore
 
 GEARBOX = spec.IndicatorSpec(

@@ -13,12 +13,12 @@ from evertwin.ahead.spec import SCENARIO
 from evertwin.config.prognosis import IndicatorSpec
 from evertwin.errors import ConfigError, DataError
 from evertwin.models import Parameters
-from evertwin.prognosis.health import indicator_of
-from evertwin.prognosis.history_file import of_table
+from evertwin.prognosis.histories.health import indicator_of
+from evertwin.prognosis.histories.history_file import of_table
+from evertwin.prognosis.histories.observed_series import Observed, in_unit
 from evertwin.prognosis.laws import Life, Limit, NotEnough, predict_life
-from evertwin.prognosis.limits import limit_of
-from evertwin.prognosis.lone_series import Series, life_of_series
-from evertwin.prognosis.observed_series import Observed, in_unit
+from evertwin.prognosis.outlook.limits import limit_of
+from evertwin.prognosis.outlook.lone_series import Series, life_of_series
 from evertwin.signals.units import si_unit
 from evertwin.sources.texts.small_table import parse, read_table
 

@@ -13,10 +13,10 @@ import pytest
 from evertwin import Twin, TwinSpec
 from evertwin.config import spec
 from evertwin.errors import DataError
+from evertwin.prognosis.histories.steps import back_of, check_steps, shift_of
 from evertwin.prognosis.laws import Indicator, Limit
-from evertwin.prognosis.laws.indicator import Direction
-from evertwin.prognosis.lone_series import Series, life_of_series
-from evertwin.prognosis.steps import back_of, check_steps, shift_of
+from evertwin.prognosis.laws.series.indicator import Direction
+from evertwin.prognosis.outlook.lone_series import Series, life_of_series
 from evertwin.types import Vector
 
 SEEDS = range(4)

@@ -13,10 +13,10 @@ from evertwin import Twin
 from evertwin.config import read, spec
 from evertwin.errors import ConfigError, UsageError
 from evertwin.fold import Event
-from evertwin.prognosis.alarm_log import alarmed, time_ahead
 from evertwin.prognosis.laws import Life, NotEnough
-from evertwin.prognosis.laws.alarms import Alarm
-from evertwin.prognosis.lives import Lives
+from evertwin.prognosis.laws.plans.alarms import Alarm
+from evertwin.prognosis.outlook.alarm_log import alarmed, time_ahead
+from evertwin.prognosis.outlook.lives import Lives
 from evertwin.store import Batch, Estimate
 
 from .test_lives_of_a_twin import GEARBOX, cart

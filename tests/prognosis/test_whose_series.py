@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evertwin.prognosis.lone_series import wear_in
+from evertwin.prognosis.outlook.lone_series import wear_in
 
 
 @pytest.mark.parametrize("seed", range(5))

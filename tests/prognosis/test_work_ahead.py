@@ -20,8 +20,8 @@ from evertwin.models import Model
 from evertwin.models.mujoco import MuJoCo
 from evertwin.prognosis.formula import Formula
 from evertwin.prognosis.laws import Life, Workload
-from evertwin.prognosis.lives import ComponentLife
-from evertwin.prognosis.workplan import wear, wears
+from evertwin.prognosis.outlook.lives import ComponentLife
+from evertwin.prognosis.outlook.workplan import wear, wears
 from evertwin.setup.configured_model import model_of
 
 GEARBOX = spec.IndicatorSpec(

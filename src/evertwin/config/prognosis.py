@@ -251,7 +251,8 @@ class PrognosisSpec(Section):
     """Cost of one stop for maintenance, whatever is done in it: components whose dates lie close
     share one. It comes on top of their ``maintenance``."""
     ahead: Annotated[str, Leads()] | None = None
-    """An alarm is due when a failure within this time is likelier than ``risk``: on the clock
+    """An alarm is due when a failure within this time is likelier than ``risk`` (more, in ratio,
+    where more than five times as much is left with a chance above 10 %): on the clock
     (``"20 run"``, ``"48 h"``), or a share of the whole life (``"10 %"``, which holds if absent)."""
     risk: Fraction = 0.1
     """Probability of failure that is not accepted."""

@@ -1,7 +1,7 @@
 """Limits of health beside what their parameters are: what would end a life before it begins.
 
 A limit above the stated value is passed by growth, one below it by a fall
-(`evertwin.prognosis.limits.breakdown_limits`).
+(`evertwin.prognosis.outlook.limits.breakdown_limits`).
 """
 
 from __future__ import annotations

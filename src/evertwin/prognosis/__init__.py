@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 from evertwin.surface import surface
 
 if TYPE_CHECKING:
-    from evertwin.prognosis.alarm_log import alarmed as alarmed
-    from evertwin.prognosis.laws.planning import Plan as Plan
-    from evertwin.prognosis.lives import Lives as Lives
-    from evertwin.prognosis.prospect import Prospect as Prospect
-    from evertwin.prognosis.scenario_lives import run_scenario as run_scenario
-    from evertwin.prognosis.upkeep import (
+    from evertwin.prognosis.outlook.alarm_log import alarmed as alarmed
+    from evertwin.prognosis.laws.plans.planning import Plan as Plan
+    from evertwin.prognosis.outlook.lives import Lives as Lives
+    from evertwin.prognosis.outlook.prospect import Prospect as Prospect
+    from evertwin.prognosis.outlook.scenario_lives import run_scenario as run_scenario
+    from evertwin.prognosis.outlook.upkeep import (
         Verdict as Verdict,
         label as label,
         maintenance as maintenance,

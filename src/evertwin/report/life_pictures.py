@@ -11,9 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from evertwin.prognosis.laws import Indicator, Life
-from evertwin.prognosis.laws.calendar import UNITS
-from evertwin.prognosis.laws.life import LEVELS
-from evertwin.prognosis.lives import ComponentLife
+from evertwin.prognosis.laws.series.calendar import UNITS
+from evertwin.prognosis.laws.series.life import LEVELS
+from evertwin.prognosis.outlook.lives import ComponentLife
 from evertwin.types import Vector
 
 VALUE, COURSE, LIMIT, BAND, MARK = "#000000", "#0072B2", "#D55E00", "#56B4E9", "#009E73"

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from evertwin.prognosis.laws import Life
-from evertwin.prognosis.laws.planning import Plan
-from evertwin.prognosis.lives import ComponentLife, Lives
+from evertwin.prognosis.laws.plans.planning import Plan
+from evertwin.prognosis.outlook.lives import ComponentLife, Lives
 from evertwin.report.charts import inline
 from evertwin.report.html import write_page
 from evertwin.report.life_pictures import draw_indicator

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from evertwin.prognosis.laws import Indicator, Limit
-from evertwin.prognosis.laws.alarms import alarm_of
-from evertwin.prognosis.laws.swing import period_of, without_swing
+from evertwin.prognosis.laws.plans.alarms import alarm_of
+from evertwin.prognosis.laws.series.swing import period_of, without_swing
 
 from .test_predicted_life import told
 

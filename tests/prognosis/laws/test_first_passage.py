@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from scipy.stats import invgauss
 
-from evertwin.prognosis.laws import bank, passage, scaled
-from evertwin.prognosis.laws.bank import Posterior, evaluate, without_growth
-from evertwin.prognosis.laws.clocks import Clocks, Form
-from evertwin.prognosis.laws.hypotheses import LAWS, families
-from evertwin.prognosis.laws.life import LEVELS, Life
+from evertwin.prognosis.laws.series import scaled
+from evertwin.prognosis.laws.series.life import LEVELS, Life
+from evertwin.prognosis.laws.wear import bank, passage
+from evertwin.prognosis.laws.wear.bank import Posterior, evaluate, without_growth
+from evertwin.prognosis.laws.wear.clocks import Clocks, Form
+from evertwin.prognosis.laws.wear.hypotheses import LAWS, families
 from planted.metrics import crps, dummy, horizon, relative_accuracy, within
 
 

@@ -16,7 +16,7 @@ from evertwin.prognosis.laws import (
     learn,
     predict_life,
 )
-from evertwin.prognosis.laws.alarms import alarm_of
+from evertwin.prognosis.laws.plans.alarms import alarm_of
 from planted.metrics import covers
 
 SEEDS = 8

@@ -21,9 +21,9 @@ from evertwin.prognosis.laws import (
     first_of,
     predict_life,
 )
-from evertwin.prognosis.laws.hypotheses import LAWS
-from evertwin.prognosis.laws.life import LEVELS, quantiles
-from evertwin.prognosis.lives import entry_of
+from evertwin.prognosis.laws.series.life import LEVELS, quantiles
+from evertwin.prognosis.laws.wear.hypotheses import LAWS
+from evertwin.prognosis.outlook.lives import entry_of
 
 SIZES = st.floats(min_value=-1e12, max_value=1e12, allow_nan=False)
 STEPS = st.sampled_from([0.0, 0.0, 1e-6, 1.0, 1.0, 3.0, 1e6])

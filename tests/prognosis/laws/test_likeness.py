@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evertwin.prognosis.another_type import of_its_type
 from evertwin.prognosis.laws import Fleet, Indicator, Life, Limit, NotEnough, learn, predict_life
-from evertwin.prognosis.laws.likeness import at_some_age, by_chance
-from evertwin.prognosis.laws.way import way_of
-from evertwin.prognosis.lone_series import Series, life_of_series
+from evertwin.prognosis.laws.growth.way import way_of
+from evertwin.prognosis.laws.likes.likeness import at_some_age, by_chance
+from evertwin.prognosis.likes.another_type import of_its_type
+from evertwin.prognosis.outlook.lone_series import Series, life_of_series
 
 Form = Callable[[np.ndarray], np.ndarray]
 FORMS: dict[str, Form] = {

@@ -10,7 +10,7 @@ import pytest
 from evertwin.config.prognosis import IndicatorSpec
 from evertwin.prognosis.formula import Formula
 from evertwin.prognosis.laws import Indicator, Life, Limit, Workload, predict_life
-from evertwin.prognosis.lives import ComponentLife, Lives, entry_of
+from evertwin.prognosis.outlook.lives import ComponentLife, Lives, entry_of
 
 
 def wear(value: np.ndarray) -> Indicator:

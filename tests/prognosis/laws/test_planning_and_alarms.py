@@ -13,10 +13,8 @@ from hypothesis import strategies as st
 
 from evertwin.errors import UsageError
 from evertwin.prognosis.laws import Indicator, Life, Limit, NotEnough, Onset
-from evertwin.prognosis.laws.alarms import Alarm, alarm_of, has_cleared, within_budget
-from evertwin.prognosis.laws.indicator import without_factors
-from evertwin.prognosis.laws.life import LEVELS
-from evertwin.prognosis.laws.planning import (
+from evertwin.prognosis.laws.plans.alarms import Alarm, alarm_of, has_cleared, within_budget
+from evertwin.prognosis.laws.plans.planning import (
     Decision,
     Part,
     Plan,
@@ -24,7 +22,9 @@ from evertwin.prognosis.laws.planning import (
     Stop,
     planned,
 )
-from evertwin.prognosis.laws.renewal import Cost, Renewal, Windows
+from evertwin.prognosis.laws.plans.renewal import Cost, Renewal, Windows
+from evertwin.prognosis.laws.series.indicator import without_factors
+from evertwin.prognosis.laws.series.life import LEVELS, interpolated
 
 
 def cheapest(
@@ -47,7 +47,7 @@ def test_the_date_is_the_cheapest_of_simulated_fates() -> None:
     """Cost over time in use, both simulated, at each date: the plan's date is the best of them."""
     rng = np.random.default_rng(0)
     known, cost, age = life(), Cost(10_000.0, 1_000.0), 300.0
-    lives = known.sample(100_000, rng)
+    lives = interpolated(rng.random(100_000), LEVELS, known.remaining)
     dates = np.arange(40.0, 121.0, 2.0)
     rates = []
     for date in dates:

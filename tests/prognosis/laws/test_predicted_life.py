@@ -17,10 +17,10 @@ from evertwin.prognosis.laws import (
     learn,
     predict_life,
 )
-from evertwin.prognosis.laws.alone import Pace, widened
-from evertwin.prognosis.laws.life import LEVELS
 from evertwin.prognosis.laws.predict import by_laws, lived
-from evertwin.prognosis.laws.scaled import scaled
+from evertwin.prognosis.laws.series.life import LEVELS
+from evertwin.prognosis.laws.series.scaled import scaled
+from evertwin.prognosis.laws.wear.alone import Pace, widened
 from planted.metrics import covers
 
 

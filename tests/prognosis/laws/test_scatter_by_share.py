@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from evertwin.prognosis.laws import Indicator, Life, Limit, NotEnough, predict_life
-from evertwin.prognosis.laws.proportional import by_share
+from evertwin.prognosis.laws.series.proportional import by_share
 
 
 def insulation(seed: int, rows: int = 60, seen: float = 0.9) -> Indicator:

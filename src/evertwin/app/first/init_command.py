@@ -17,7 +17,7 @@ from evertwin.config import read
 from evertwin.errors import UsageError
 from evertwin.files import write_whole
 from evertwin.machines.catalog import machine
-from evertwin.prognosis.lone_series import Wear, wear_in
+from evertwin.prognosis.outlook.lone_series import Wear, wear_in
 from evertwin.setup.configured_model import model_of
 from evertwin.sources.columns.names import unit_problem
 from evertwin.starter import (

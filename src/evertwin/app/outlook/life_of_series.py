@@ -9,9 +9,9 @@ import typer
 
 from evertwin.app.console import Progress, show
 from evertwin.errors import UsageError
-from evertwin.prognosis.laws.indicator import Direction
-from evertwin.prognosis.like_machines import files_of
-from evertwin.prognosis.lone_series import Series, life_of_series
+from evertwin.prognosis.laws.series.indicator import Direction
+from evertwin.prognosis.likes.like_machines import files_of
+from evertwin.prognosis.outlook.lone_series import Series, life_of_series
 
 Likes: TypeAlias = "tuple[list[str] | None, list[str] | None]"
 

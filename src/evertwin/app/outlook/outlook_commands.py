@@ -16,9 +16,9 @@ from evertwin.app.outlook.plan_text import label_document, label_text, plan_text
 from evertwin.errors import UsageError
 from evertwin.files import write_whole
 from evertwin.fold import plain
-from evertwin.prognosis.laws.planning import HEADINGS
-from evertwin.prognosis.parameter_history import DONE
-from evertwin.prognosis.upkeep import when_said
+from evertwin.prognosis.histories.parameter_history import DONE
+from evertwin.prognosis.laws.plans.planning import HEADINGS
+from evertwin.prognosis.outlook.upkeep import when_said
 from evertwin.settings.quantity import number
 from evertwin.twin import Twin
 

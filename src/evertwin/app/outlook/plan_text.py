@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from evertwin.fold import plain
-from evertwin.prognosis.laws.planning import Plan, PlanItem
-from evertwin.prognosis.parameter_history import Label
+from evertwin.prognosis.histories.parameter_history import Label
+from evertwin.prognosis.laws.plans.planning import Plan, PlanItem
 from evertwin.types import Json
 
 BEFORE = {"postponed": "until ", "confirmed": "for ", "declined": "the date "}

@@ -6,7 +6,7 @@ wear to begin (`onset`) and is as wide as was measured on wear that follows none
 (`alone`). With a fleet its levels are asked (`fleet`), and laws by the chance that this one wears
 in another form (`likeness`).
 
->>> from evertwin.prognosis.laws.indicator import Limit
+>>> from evertwin.prognosis.laws.series.indicator import Limit
 >>> rng = np.random.default_rng(0)
 >>> t = np.arange(50.0)
 >>> wear = Indicator.of("wear", "mm", Limit(1.0), t, 0.01 * t + 0.01 * rng.standard_normal(50))
@@ -34,20 +34,20 @@ from typing import NamedTuple
 import numpy as np
 
 from evertwin.errors import UsageError
-from evertwin.prognosis.laws.alone import newest, pace_of, widened
-from evertwin.prognosis.laws.crowded import by_time
-from evertwin.prognosis.laws.fleet import Fleet, Member
-from evertwin.prognosis.laws.hypotheses import LAWS, every_look, sharpened
-from evertwin.prognosis.laws.indicator import Indicator
-from evertwin.prognosis.laws.lasting import comes_and_goes, flat_since
-from evertwin.prognosis.laws.life import LEVELS, Life, NotEnough, Onset, Workload, quantiles
-from evertwin.prognosis.laws.likeness import at_some_age, by_chance
-from evertwin.prognosis.laws.mixture import COARSE, fine_nodes, mixture, never
-from evertwin.prognosis.laws.onset import SHARE, find_onset
-from evertwin.prognosis.laws.proportional import by_share
-from evertwin.prognosis.laws.scaled import Problem, noise_of, scaled, steady
-from evertwin.prognosis.laws.swing import without_swing
-from evertwin.prognosis.laws.way import LEAST, Way, way_of
+from evertwin.prognosis.laws.growth.lasting import comes_and_goes, flat_since
+from evertwin.prognosis.laws.growth.onset import SHARE, find_onset
+from evertwin.prognosis.laws.growth.way import LEAST, Way, way_of
+from evertwin.prognosis.laws.likes.fleet import Fleet, Member
+from evertwin.prognosis.laws.likes.likeness import at_some_age, by_chance
+from evertwin.prognosis.laws.series.crowded import by_time
+from evertwin.prognosis.laws.series.indicator import Indicator
+from evertwin.prognosis.laws.series.life import LEVELS, Life, NotEnough, Onset, Workload, quantiles
+from evertwin.prognosis.laws.series.proportional import by_share
+from evertwin.prognosis.laws.series.scaled import Problem, noise_of, scaled, steady
+from evertwin.prognosis.laws.series.swing import without_swing
+from evertwin.prognosis.laws.wear.alone import Pace, newest, pace_of, widened
+from evertwin.prognosis.laws.wear.hypotheses import LAWS, every_look, sharpened
+from evertwin.prognosis.laws.wear.mixture import COARSE, fine_nodes, mixture, never
 
 FAR = 20.0
 """A median beyond so many ages is no answer: growth is not told from none."""
@@ -158,11 +158,24 @@ def alone(
     newer = found if isinstance(newer, NotEnough) or newer.passed is not None else newer
     if isinstance(newer, NotEnough):
         return newer, onset
-    remaining = widened(newer.remaining, pace_of(problem if isinstance(whole, str) else whole))
+    pace = pace_of(problem if isinstance(whole, str) else whole)
+    remaining = widened(newer.remaining, pace)
     if remaining is None:
-        return not_begun(indicator, problem), onset
+        return slows(newer, pace) or not_begun(indicator, problem), onset
     ends = np.where(1.0 - level > LEVELS, remaining, np.inf)
     return replace(newer, remaining=ends), onset
+
+
+def slows(newer: Life, pace: Pace) -> NotEnough | None:
+    """The answer where growth slowed down too much to be followed; None where it did not."""
+    if pace.slowing == -np.inf or widened(newer.remaining, pace._replace(slowing=-np.inf)) is None:
+        return None
+    now, slower = newer.median / np.exp(pace.age), float(np.exp(pace.slowing - pace.age))
+    return NotEnough(
+        "growth that slows down no further, or is followed until it shows how it does",
+        f"the limit is {now:.2g} times its age away at the newest pace, {slower:.2g} times if "
+        "growth slows down as it did so far",
+    )
 
 
 def stands_still(indicator: Indicator) -> NotEnough | None:
@@ -203,11 +216,7 @@ def beyond_for_good(indicator: Indicator) -> bool:
 
     Not where temperature, load or warm-up move them: the limit holds at the reference alone.
     """
-    life = indicator.since_replaced()
-    if life.covariates:
-        return False
-    apart = life.distance()[np.isfinite(life.value)]
-    return len(apart) >= LASTING and bool(np.all(apart[-LASTING:] <= 0.0))
+    return _beyond(indicator)[0] >= LASTING
 
 
 def still_sound(indicator: Indicator) -> bool:
@@ -224,13 +233,19 @@ def still_sound(indicator: Indicator) -> bool:
 
 def held_back(indicator: Indicator) -> int:
     """How many of the newest values lie beyond the limit, where they are too few to end a life."""
+    few, known = _beyond(indicator)
+    return few if few < min(LASTING, known) else 0
+
+
+def _beyond(indicator: Indicator) -> tuple[int, int]:
+    """(how many of the newest values lie beyond the limit, of how many); 0 where covariates move
+    them."""
     life = indicator.since_replaced()
     if life.covariates:
-        return 0
+        return 0, 0
     apart = life.distance()[np.isfinite(life.value)]
     within = np.flatnonzero(apart > 0.0)
-    few = len(apart) - 1 - int(within[-1]) if len(within) else 0
-    return few if few < LASTING else 0
+    return len(apart) - 1 - int(within.max(initial=-1)), len(apart)
 
 
 def over(indicator: Indicator, problem: Problem) -> Life:

@@ -19,7 +19,7 @@ from evertwin.config import TwinSpec
 from evertwin.errors import EvertwinError
 from evertwin.fold import Block
 from evertwin.prognosis import alarmed
-from evertwin.prognosis.believed import WEIGHS
+from evertwin.prognosis.histories.believed import WEIGHS
 from evertwin.service.twin.questions import beside, planned, reading
 
 if TYPE_CHECKING:

@@ -1,0 +1,1 @@
+"""What like machines tell, and whether a machine wears as they do."""

@@ -1,0 +1,1 @@
+"""From lives to dates: what maintenance costs when, which stops are shared, and alarms."""
