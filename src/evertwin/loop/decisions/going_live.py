@@ -86,7 +86,10 @@ def _nearest(follow: Follow, state: TwinState, since: int) -> int:
     if not windows or not once:
         return again
     past = setup.ring.between(state.ring, 0, since)
-    off = {k: left(setup, versions.model(k), versions[k].p, windows, past) for k in {first, *once, *tried}}
+    off = {
+        k: left(setup, versions.model(k), versions[k].p, windows, past)
+        for k in {first, *once, *tried}
+    }
     share = {k: float(np.nanmean(one / off[first])) for k, one in off.items()}
     if not np.isfinite(list(share.values())).all():  # nothing moved: the bets alone tell
         return again
