@@ -23,6 +23,7 @@ import numpy as np
 from evertwin.ledger.versions import FORMER, Versions
 from evertwin.loop.decisions.decision import Decision
 from evertwin.models.form import Version
+from evertwin.setup.setup import Setup
 from evertwin.setup.twin_state import TwinState
 from evertwin.types import Int64
 
@@ -60,10 +61,11 @@ def with_live(lives: Lives, number: int, row: int) -> Lives:
     return np.concatenate([lives[1:], [[number, row]]])
 
 
-def began(state: TwinState, number: int) -> Lives:
-    """The lives with ``number``, which goes live; what no machine was ever like goes for good."""
-    known = state.lives if state.agenda.commissioned else none()
-    return with_live(known, number, state.row)
+def began(setup: Setup, state: TwinState, number: int) -> Lives:
+    """The lives with ``number``, which goes live; those before it go for good where something is
+    asked and none has reached it: no machine was ever like them."""
+    never = np.isfinite(setup.requirement) and not state.agenda.commissioned
+    return with_live(none() if never else state.lives, number, state.row)
 
 
 def without_newest(lives: Lives) -> Lives:

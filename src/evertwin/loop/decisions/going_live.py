@@ -172,7 +172,7 @@ def goes_live(follow: Follow, state: TwinState, number: int, other: Any, first: 
         state.ring.seen[:] = follow.setup.ring.unseen()
     return state._replace(
         live=lane, stream=follow.goes_on(state, number), first=first, other=other,
-        lives=began(state, number),
+        lives=began(follow.setup, state, number),
         scores=scores, agenda=state.agenda._replace(held=within, told=False, open=0, retell=0),
         trial=follow.setup.probation.init(), recovery=recovery,
         detect=follow.setup.detect.anew(state.detect), external=follow.setup.external.init(),
