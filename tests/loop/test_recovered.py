@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -181,19 +180,11 @@ def test_a_version_that_is_back_is_known_before_a_change_is() -> None:
     assert abs(int(first.reason.rpartition(" ")[2]) - 9000) <= 5 and first.row < 9300
 
 
-@pytest.mark.parametrize(
-    ("asked", "reached", "stays"), [(0.05, True, True), (0.05, False, False), (np.inf, False, True)]
-)
-def test_what_never_reached_what_is_asked_was_no_machine(
-    asked: float, reached: bool, stays: bool
-) -> None:
-    """Where nothing is asked nobody knows, and it may come back."""
-    setup: Any = SimpleNamespace(requirement=asked)
-    agenda = SimpleNamespace(commissioned=reached)
-    state: Any = SimpleNamespace(lives=with_live(none(), 0, 0), agenda=agenda, row=700)
-    lives = began(setup, state, 1)
+@pytest.mark.parametrize("reached", [True, False])
+def test_what_never_reached_what_is_asked_was_no_machine(reached: bool) -> None:
+    lives = began(with_live(none(), 0, 0), 1, 700, reached=reached)
     assert lives[-1].tolist() == [1, 700]
-    assert (lives[-2].tolist() == [0, 0]) == stays
+    assert (lives[-2].tolist() == [0, 0]) == reached
 
 
 @first_of("seed", [1, 2])

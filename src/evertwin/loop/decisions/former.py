@@ -23,7 +23,6 @@ import numpy as np
 from evertwin.ledger.versions import FORMER, Versions
 from evertwin.loop.decisions.decision import Decision
 from evertwin.models.form import Version
-from evertwin.setup.setup import Setup
 from evertwin.setup.twin_state import TwinState
 from evertwin.types import Int64
 
@@ -61,11 +60,14 @@ def with_live(lives: Lives, number: int, row: int) -> Lives:
     return np.concatenate([lives[1:], [[number, row]]])
 
 
-def began(setup: Setup, state: TwinState, number: int) -> Lives:
-    """The lives with ``number``, which goes live; those before it go for good where something is
-    asked and none has reached it: no machine was ever like them."""
-    never = np.isfinite(setup.requirement) and not state.agenda.commissioned
-    return with_live(none() if never else state.lives, number, state.row)
+def began(lives: Lives, number: int, row: int, *, reached: bool) -> Lives:
+    """The lives with ``number``, live from ``row`` on. Those before it go for good where none has
+    ``reached`` what is asked: no machine was ever like them.
+
+    >>> began(with_live(none(), 0, 0), 1, 700, reached=False)[-2:, 0].tolist()
+    [-1, 1]
+    """
+    return with_live(lives if reached else none(), number, row)
 
 
 def without_newest(lives: Lives) -> Lives:

@@ -161,6 +161,8 @@ def goes_live(follow: Follow, state: TwinState, number: int, other: Any, first: 
     elif first.version >= 0:
         first = copy(first)
     recovery, within = follow.recovery.init(), False
+    # where nothing is asked nobody knows what was the machine
+    reached = state.agenda.commissioned or not np.isfinite(follow.setup.requirement)
     if other is not EMPTY:
         within = _held(follow, state)
         other = other._replace(track=())
@@ -172,7 +174,7 @@ def goes_live(follow: Follow, state: TwinState, number: int, other: Any, first: 
         state.ring.seen[:] = follow.setup.ring.unseen()
     return state._replace(
         live=lane, stream=follow.goes_on(state, number), first=first, other=other,
-        lives=began(follow.setup, state, number),
+        lives=began(state.lives, number, state.row, reached=reached),
         scores=scores, agenda=state.agenda._replace(held=within, told=False, open=0, retell=0),
         trial=follow.setup.probation.init(), recovery=recovery,
         detect=follow.setup.detect.anew(state.detect), external=follow.setup.external.init(),
