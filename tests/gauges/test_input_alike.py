@@ -52,6 +52,33 @@ def fan(seed: int, zero: float = 0.0, scale: float = 1.0, drag: float = 1.0) -> 
         return twin.run({"t": DT * np.arange(ROWS)} | columns)
 
 
+def drawn(
+    x: Vector, u: Vector, dt: float, p: ParameterVector
+) -> tuple[list[float], list[float]]:  # fmt: skip
+    return [], [(p[0] + p[1] * u[0] + p[2] * 9.81 * u[1]) * u[0] + p[3]]
+
+
+def belt(seed: int, zero: float = 0.0, scale: float = 1.0, viscous: float = 1.0) -> RunResult:
+    """A conveyor's power by its speed and load, a static map; from AT on the load is recorded so,
+    or viscous friction is so many times what it was."""
+    rng, late = np.random.default_rng(seed), np.arange(ROWS) >= AT
+    v = np.repeat(rng.uniform(0.2, 1.2, ROWS // 20), 20)
+    m = np.repeat(rng.uniform(50.0, 400.0, ROWS // 30), 30)
+    numbers = {"F0": (210.0, "N"), "Fv": (90.0, "Ns/m"), "mu": (0.035, "1"), "idle": (180.0, "W")}
+    f0, fv, mu, idle = (value for value, _ in numbers.values())
+    power = (f0 + fv * np.where(late, viscous, 1.0) * v + mu * 9.81 * m) * v + idle
+    read = np.where(late, scale * m + zero, m) + rng.normal(0.0, 2.0, ROWS)
+    model = FunctionModel(
+        drawn, Layout.of(v="m/s", m="kg"), Layout.of(power="W"),
+        parameters=Parameters.of(**numbers),
+    )  # fmt: skip
+    asked = AnomalySpec(requirement=8.0, relative=False, window=Span(400))
+    spec = TwinSpec("belt", ModelSpec("python"), beat=Span(50), anomaly=asked)
+    rows = {"t": DT * np.arange(ROWS), "v": v, "m": read}
+    with Twin(spec, translated(model)) as twin:
+        return twin.run(rows | {"power": power + rng.normal(0.0, 4.0, ROWS)})
+
+
 def said(result: RunResult) -> str:
     return " ".join(one.reason for kind in ("normal", "abnormal") for one in result.of_kind(kind))
 
@@ -70,6 +97,15 @@ def test_a_meter_of_an_input_that_explains_the_numbers_is_named_beside_them(seed
 def test_a_machine_that_no_meter_looks_like_is_learned_alone(seed: int) -> None:
     result = fan(seed, drag=1.25)
     assert result.of_kind("promoted") and "a meter of" not in said(result)
+
+
+@first_of("seed", [1, 2, 3])
+def test_a_meter_of_an_input_of_a_static_map_is_named_too(seed: int) -> None:
+    shifted, scaled = belt(seed, zero=90.0), belt(seed, scale=1.4)
+    assert re.search(r"a meter of m that is off by \+(8|9)[.\d]* kg", said(shifted))
+    assert "a meter of m that is off by +" in said(scaled) and "or m that acts by 7" in said(scaled)
+    moved = belt(seed, viscous=1.8)
+    assert moved.of_kind("promoted") and "a meter of" not in said(moved)
 
 
 @first_of("seed", [1, 2, 3])

@@ -337,6 +337,23 @@ def test_an_answer_without_candidate_is_waited_after() -> None:
     assert done.state.agenda.hold == 50 + bench.setup.holdoff
 
 
+@pytest.mark.parametrize(
+    ("kind", "before", "windows", "after"),
+    [("abnormal", 0, 0, 1), ("abnormal", 1, 1, 2), ("abnormal", 3, 7, 3), ("noise", 3, 0, 0)],
+)
+def test_a_form_that_stays_wrong_is_asked_about_ever_more_rarely(
+    kind: str, before: int, windows: int, after: int
+) -> None:
+    """So many windows later, after so many answers of which nothing came."""
+    bench = Bench()
+    state = asked(bench)
+    state = state._replace(agenda=state.agenda._replace(vain=before))
+    said = {"kind": kind, "signal": "", "reason": "depends on u", "evidence": {}}
+    done = bench.beat(state, Answer(1, 0, {"events": [said], "tuned": True}))
+    pause = bench.setup.holdoff + windows * bench.setup.enough
+    assert (done.state.agenda.hold, done.state.agenda.vain) == (50 + pause, after)
+
+
 @pytest.mark.parametrize(("told", "again"), [({}, 0), ({"changed": 45}, 45)])
 def test_a_change_too_new_to_be_fitted_is_asked_about_again(
     told: dict[str, int], again: int

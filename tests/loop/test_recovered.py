@@ -18,6 +18,7 @@ from evertwin.config.spec import (
     StoreSpec,
     TuningSpec,
 )
+from evertwin.loop.decisions.former import began, none, with_live
 from evertwin.models import Parameters
 from evertwin.trial import Recovery
 from planted.draws import first_of
@@ -177,3 +178,27 @@ def test_a_version_that_is_back_is_known_before_a_change_is() -> None:
     first = next(e for e in events if e.kind == "normal")
     assert "again as at version 2" in first.reason, [(e.row, e.kind, e.reason) for e in events]
     assert abs(int(first.reason.rpartition(" ")[2]) - 9000) <= 5 and first.row < 9300
+
+
+@pytest.mark.parametrize("reached", [True, False])
+def test_what_never_reached_what_is_asked_was_no_machine(reached: bool) -> None:
+    lives = began(with_live(none(), 0, 0), 1, 700, reached=reached)
+    assert lives[-1].tolist() == [1, 700]
+    assert (lives[-2].tolist() == [0, 0]) == reached
+
+
+@first_of("seed", [1, 2])
+def test_a_guess_that_never_was_the_machine_does_not_come_back(seed: int) -> None:
+    """A machine comes to the number that the twin was configured with: that is no repair."""
+    rng, n = np.random.default_rng(seed), 12000
+    at = np.arange(n)
+    u = np.sin(at * 0.07 + rng.uniform(0, 6)) + np.sin(at * 0.031)
+    gain = np.where(at < 6000, 1.3, 1.0)
+    rows = {"t": at * 0.01, "u": u, "y": gain * u + 0.01 * rng.normal(size=n)}
+    with twin() as axis_twin:
+        axis_twin.run(rows)
+        went = [e for e in axis_twin.events if e.kind in ("promoted", "rolled_back")]
+        said = [e.reason for e in axis_twin.events if "as after a repair" in e.reason]
+        assert axis_twin.champion.values[0] == pytest.approx(1.0, rel=0.03)
+    assert not said, said
+    assert all(e.evidence["version"] != 0 for e in went), [(e.row, e.reason) for e in went]

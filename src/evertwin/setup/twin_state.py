@@ -123,6 +123,8 @@ class Agenda(NamedTuple):
     """Row before which no state is looked for again."""
     pace: int = 0
     """Rows from the newest look in vain to the next."""
+    vain: int = 0
+    """Answers in a row that the form is wrong, of which nothing came."""
     rival: int = 0
     """Version that its candidate has to surpass; 0: none."""
     lacking: int = 0

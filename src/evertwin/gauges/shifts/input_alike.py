@@ -17,7 +17,7 @@ from evertwin.gauges.rows.gauge_rows import LEAST, Rows, unchanged
 from evertwin.gauges.rows.sensor_change import since_change, unmeasured
 from evertwin.gauges.shifts.off_by import left_with
 from evertwin.ledger.caveats import MORE, SAME
-from evertwin.rows.channels import measured
+from evertwin.rows.channels import courses, measured
 from evertwin.signals.spoken import MANY, share
 from evertwin.types import Bools, Outputs
 
@@ -40,13 +40,16 @@ def alike_inputs(rows: Rows) -> str:
     """What meters of inputs would have to be off by for the rows to look the same; empty: none.
 
     Args:
-        rows: of a machine that held, tuned. Of a static map no input is a meter of its own.
+        rows: of a machine that held, tuned. Of a static map a position or a speed beside its rate
+            is no meter of its own.
     """
     setup, model = rows.setup, rows.setup.model
-    if not len(model.states) or not rows.problem.windows:
+    if not rows.problem.windows:
         return ""
+    static = not len(model.states)
+    chained = {k for one in courses(model.inputs) if one[1:] for k in one} if static else set[int]()
     alone = [columns[0] for columns, _ in measured(setup.spec, model.inputs).values()
-             if not columns[1:]]  # fmt: skip
+             if not columns[1:] and columns[0] not in chained]  # fmt: skip
     tried = [(k, scaled) for k in sorted(alone) for scaled in (True, False)]
     found = [one for k in tried for one in (_off(rows, *k),) if one is not None]
     if not found:

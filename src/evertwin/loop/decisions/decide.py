@@ -26,7 +26,7 @@ from evertwin.loop.decisions.former import KNOWN, known_again, tell_alternates, 
 from evertwin.loop.decisions.going_live import goes_live, recovered, retells, switched, told_anew
 from evertwin.loop.decisions.heeding import heed
 from evertwin.loop.decisions.in_stream import tell_followed
-from evertwin.loop.decisions.looking import adopted, in_vain, looks, returned
+from evertwin.loop.decisions.looking import adopted, in_vain, looks, nothing_came, returned
 from evertwin.loop.decisions.requirement import deviates, foreseen, heard, rises, unexplained
 from evertwin.loop.decisions.unanswered import unanswered
 from evertwin.models.form import Form
@@ -38,8 +38,6 @@ from evertwin.setup.twin_state import PROBATION, TRIAL, WATCH, TwinState
 FEW, LONG = 5, 10
 """Segments that a challenger of a long trial predicts at least before a better one is sought; a
 trial is long that takes more than so many times the least time of any."""
-PATIENT = 4
-"""So many pauses from one fit to the next while a channel is in doubt."""
 
 
 @dataclass(frozen=True)
@@ -302,16 +300,14 @@ class Decide:
             ends = candidate is None and lacking == agenda.lacking
             decision.remember(lacking=0 if ends else int(lacking))
         if candidate is not None:
+            decision.remember(vain=0)
             self._challenge(decision, candidate)
         elif content.get("next") == "correct":
             self._ask(decision, "correct", {})
         elif agenda.kind == "state":
             decision.remember(**in_vain(setup, decision.state))
         elif agenda.kind != "refine":
-            pause = setup.latency if waits else setup.holdoff
-            if decision.state.agenda.doubt:  # all that is asked of it is whether it is over
-                pause *= PATIENT
-            decision.remember(hold=decision.state.row + pause)
+            decision.remember(**nothing_came(setup, decision.state, content, waits=waits))
         unexplained(decision, setup, content)
 
     def _challenge(self, decision: Decision, candidate: Mapping[str, Any]) -> None:

@@ -60,6 +60,16 @@ def with_live(lives: Lives, number: int, row: int) -> Lives:
     return np.concatenate([lives[1:], [[number, row]]])
 
 
+def began(lives: Lives, number: int, row: int, *, reached: bool) -> Lives:
+    """The lives with ``number``, live from ``row`` on. Those before it go for good where none has
+    ``reached`` what is asked: no machine was ever like them.
+
+    >>> began(with_live(none(), 0, 0), 1, 700, reached=False)[-2:, 0].tolist()
+    [-1, 1]
+    """
+    return with_live(lives if reached else none(), number, row)
+
+
 def without_newest(lives: Lives) -> Lives:
     """The newest one is taken back: it was never what the machine is."""
     return np.concatenate([[[NOBODY, 0]], lives[:-1]])
@@ -67,8 +77,10 @@ def without_newest(lives: Lives) -> Lives:
 
 def former(versions: Versions, state: TwinState, live: int) -> tuple[Version, ...]:
     """Those that may come back: that were live in these rows, the newest first, then what the
-    ``live`` one was made from."""
-    numbers = [*state.lives[::-1, 0].tolist(), *(one.number for one in versions.before(live))]
+    ``live`` one was made from; not the description that it all began with, which was never tried
+    on these rows and need not ever have been the machine."""
+    learned = (one.number for one in versions.before(live) if one.parent is not None)
+    numbers = [*state.lives[::-1, 0].tolist(), *learned]
     known = [number for number in dict.fromkeys(numbers) if number not in (NOBODY, live)]
     return tuple(versions[number] for number in known[:FORMER])
 

@@ -12,7 +12,7 @@ from evertwin.fold import Block, copy
 from evertwin.gauges.rows.sensor_change import unmeasured
 from evertwin.loop.decisions.decision import Decision
 from evertwin.loop.decisions.follow import EMPTY, Follow
-from evertwin.loop.decisions.former import former, tell_alternates, with_live
+from evertwin.loop.decisions.former import NOBODY, began, former, tell_alternates
 from evertwin.loop.decisions.looking import returned
 from evertwin.rows.ring import called
 from evertwin.setup.deviation import Sums, judged_deviation
@@ -76,21 +76,26 @@ def goes_back(
 @unmeasured()
 def _nearest(follow: Follow, state: TwinState, since: int) -> int:
     """Of the first champion and those that were live after it, the one that is nearest to the rows
-    from ``since`` on; −1: what is on trial is clearly nearer, or none is within what is asked."""
+    from ``since`` on; −1: what is on trial is clearly nearer, or none is within what is asked, or
+    ever was: it was no machine that comes back."""
     setup, versions, live = follow.setup, follow.versions, state.live.version
     windows, first = setup.ring.between(state.ring, since, state.row), state.first.version
     tried = {state.other.version} if state.agenda.phase == TRIAL else set()
-    once = {first, *(one.number for one in former(versions, state, live))} - {live}
-    if not windows:
-        return first
+    once = {one.number for one in former(versions, state, live)}
+    again = first if first in once or NOBODY not in state.lives[:, 0] else -1
+    if not windows or not once:
+        return again
     past = setup.ring.between(state.ring, 0, since)
-    off = {k: left(setup, versions.model(k), versions[k].p, windows, past) for k in once | tried}
+    off = {
+        k: left(setup, versions.model(k), versions[k].p, windows, past)
+        for k in {first, *once, *tried}
+    }
     share = {k: float(np.nanmean(one / off[first])) for k, one in off.items()}
     if not np.isfinite(list(share.values())).all():  # nothing moved: the bets alone tell
-        return first
+        return again
     best = min(once, key=lambda k: (share[k], k != first))
-    if share[first] <= NEARLY * share[best]:
-        best = first
+    if again >= 0 and share[again] <= NEARLY * share[best]:
+        best = again
     nearer = min((share[k] for k in tried - once), default=np.inf)
     if share[best] > NEARLY * nearer or not within(setup, off[best], windows):
         return -1
@@ -156,6 +161,8 @@ def goes_live(follow: Follow, state: TwinState, number: int, other: Any, first: 
     elif first.version >= 0:
         first = copy(first)
     recovery, within = follow.recovery.init(), False
+    # where nothing is asked nobody knows what was the machine
+    reached = state.agenda.commissioned or not np.isfinite(follow.setup.requirement)
     if other is not EMPTY:
         within = _held(follow, state)
         other = other._replace(track=())
@@ -167,7 +174,7 @@ def goes_live(follow: Follow, state: TwinState, number: int, other: Any, first: 
         state.ring.seen[:] = follow.setup.ring.unseen()
     return state._replace(
         live=lane, stream=follow.goes_on(state, number), first=first, other=other,
-        lives=with_live(state.lives, number, state.row),
+        lives=began(state.lives, number, state.row, reached=reached),
         scores=scores, agenda=state.agenda._replace(held=within, told=False, open=0, retell=0),
         trial=follow.setup.probation.init(), recovery=recovery,
         detect=follow.setup.detect.anew(state.detect), external=follow.setup.external.init(),

@@ -1,8 +1,9 @@
-"""When a beat looks for a state of the machine, and what it remembers of one that went live."""
+"""When a beat looks for a state of the machine or asks again, and what of a state it remembers."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,10 @@ from evertwin.setup.twin_state import TRIAL, TwinState
 
 OFTEN = 3
 """Looks at least in the time that a deviation is judged on."""
+PATIENT = 4
+"""So many pauses from one fit to the next while a channel is in doubt."""
+VAIN = 3
+"""So many times the pause doubles at most while the form stays wrong and nothing comes of it."""
 
 
 def looks(setup: Setup, state: TwinState, *, lasts: bool = False) -> str:
@@ -47,6 +52,20 @@ def in_vain(setup: Setup, state: TwinState) -> dict[str, Any]:
     """Of a look that found nothing: the next one waits twice as long, not longer than `OFTEN`."""
     pace = max(setup.latency, min(2 * state.agenda.pace, setup.enough // OFTEN))
     return {"look": state.row + pace, "pace": pace}
+
+
+def nothing_came(
+    setup: Setup, state: TwinState, content: Mapping[str, Any], *, waits: bool
+) -> dict[str, Any]:
+    """Of an answer without a candidate: when the next one is asked for. A form that is wrong, with
+    none to try, stays so: it is asked about ever more rarely, until the deviation rises."""
+    agenda, pause = state.agenda, setup.latency if waits else setup.holdoff
+    if agenda.doubt:  # all that is asked of it is whether it is over
+        pause *= PATIENT
+    wrong = not waits and any(one["kind"] == "abnormal" for one in content["events"])
+    if wrong:
+        pause += setup.enough * (2**agenda.vain - 1)
+    return {"hold": state.row + pause, "vain": min(agenda.vain + 1, VAIN) if wrong else 0}
 
 
 def adopted(decision: Decision, setup: Setup, version: Version) -> None:

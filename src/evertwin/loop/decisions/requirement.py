@@ -50,7 +50,7 @@ def rises(decision: Decision, setup: Setup, *, whole: bool) -> TwinState:
         decision.state = state._replace(detect=state.detect._replace(risen=Rise()))
     if matters:
         row, hold = state.row, min(state.agenda.hold, state.row)
-        decision.remember(risen=row, rose=rise.first, again=row, hold=hold)
+        decision.remember(risen=row, rose=rise.first, again=row, hold=hold, vain=0)
     if matters and rise.times >= DOUBLED:
         reason = f"{rise.name} is off by {rise.times:.2g} times what it was before row {rise.first}"
         evidence = {"first": rise.first, "rows": state.row - rise.first, "times": rise.times}

@@ -118,7 +118,9 @@ def of_a_channel(
         pose = partial(tuner.problem, task.untold, names=tuner.editable(task.untold))
         whole = replace(rows, pose=pose, given=rows.sizes)
         alike = in_all(whole, alike, task.version.reason)
-    return Asked(change, alike if change else alike + alike_inputs(rows))
+    if change or (alike and rows.setup.static):  # of a map one that would look the same is enough
+        return Asked(change, alike)
+    return Asked(change, alike + alike_inputs(rows))
 
 
 def _reread(tuner: Tuner, task: Task, names: tuple[str, ...]) -> SensorChange | None:
