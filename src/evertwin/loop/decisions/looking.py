@@ -19,7 +19,7 @@ OFTEN = 3
 """Looks at least in the time that a deviation is judged on."""
 PATIENT = 4
 """So many pauses from one fit to the next while a channel is in doubt."""
-VAIN = 3
+VAIN = 2
 """So many times the pause doubles at most while the form stays wrong and nothing comes of it."""
 
 
