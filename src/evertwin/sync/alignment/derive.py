@@ -71,7 +71,8 @@ SAYS = {
     ),
     loop.SCALED: (
         "measurement_error",
-        "place and speed are {:.3g} times what they were one row before, as in another unit",
+        "place and speed are {:.3g} times what they were one row before, as in another unit: it is "
+        "read divided by that until it is back, where a number of units",
     ),
 }
 """Kind and reason of an event."""
@@ -243,7 +244,7 @@ class Derive:
             np.zeros((depth, wide), np.uint8),
         )  # fmt: skip
         memory = loop.Memory(
-            np.zeros(wide, np.int64), np.zeros((len(self.operations), 6)),
+            np.zeros(wide, np.int64), np.zeros((len(self.operations), 10)),
             np.full(len(self.inputs) + len(self.outputs), np.nan),
         )  # fmt: skip
         return DeriveState(counters, ring, memory)

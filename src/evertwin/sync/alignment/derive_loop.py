@@ -328,7 +328,9 @@ def emit(program: Program, ring: Lines, memory: Memory, counters: Counters, room
             was = before >= 0 and ring.mark[before, raw + k] == ERROR
             if now >= LEAPT:
                 room.wrong[at, k] = LEAPS + now - LEAPT
-                room.times[at, k] = ring.v[place, raw + k] / ring.v[before, raw + k]
+                own, source = ring.v[place, raw + k], ring.v[place, program.sources[k, 0]]
+                undone = source / own if now == RESCALED else 1.0
+                room.times[at, k] = undone if undone != 1.0 else own / ring.v[before, raw + k]
             elif was != (now == ERROR):
                 room.wrong[at, k] = ENDS if was else BEGINS
     stamp = ring.t[place]
@@ -387,7 +389,9 @@ def advance(
             counters[TASK], counters[ORIGIN], counters[BEGUN] = task[i], lines.t[i], 0
             memory.newest[:] = np.nan
             for k in range(program.code.shape[0]):
-                if program.code[k] != STEADY:  # how fast it goes, it does in any task
+                if program.code[k] == STEADY:  # how fast it goes, it does in any task
+                    memory.sums[k, 2:6] = 0.0
+                else:
                     memory.sums[k] = 0.0
         place = (counters[BASE] + counters[COUNT]) % depth
         ring.t[place], ring.dt[place] = lines.t[i], lines.dt[i]

@@ -3,7 +3,8 @@
 What it does from one row to the next is compared with the fastest that it ever did. Rows that leave
 it far faster and come back as fast are wrong: they are taken from their neighbours. Where it goes
 on from there as it ever went, its zero moved; where it stood still before, and moves at once, it
-was frozen, and is back; where place and speed are so many times what they were, its unit changed.
+was frozen, and is back; where place and speed are so many times what they were, its unit changed: a
+number that divides two units is undone until it is back.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from evertwin.compiled.functions import njit
+from evertwin.signals import mistaken
 from evertwin.types import Vector
 
 if TYPE_CHECKING:
@@ -24,13 +26,30 @@ from which a step is none of its own, times within which it is back, and rows th
 LEAPT, BACK, RESCALED = 7, 8, 9
 """Mark of a row up to which what goes steadily leapt; at which it is back; from which on it is in
 another unit."""
-TWICE, EXACT, CLEARLY, SLOW = 2.0, 0.1, 0.3, 0.02
+TWICE, EXACT, CLEARLY, SLOW, MOST = 2.0, 0.1, 0.3, 0.02, 0.5
 """Times that two units differ at least; share by which what is back is; part of the fastest speed,
 and of the change of speed that a moved zero leaves, that another unit leaves at most; part of the
-fastest below which it stands."""
+fastest below which it stands; of where it ever was, what it goes over once it is back."""
 DEGREES, SAME = 57.29577951308232, 1e-3
 """Of a radian, and the share by which a place is known."""
+UNITS = np.array([
+    one.number for one in mistaken.FACTORS
+    if not one.units or {"m", "rad"} & set(one.units)
+])  # fmt: skip
+"""Numbers that divide two units of a place."""
 OK, ERROR = 0, 6
+
+
+@njit(cache=True, error_model="numpy")
+def of_units(number: float) -> float:
+    """The number of two units that it is; 1: of none."""
+    found, least = 1.0, EXACT
+    for one in UNITS:
+        for known in (one, 1.0 / one):
+            off = abs(number / known - 1.0)
+            if off < least:
+                found, least = known, off
+    return found
 
 
 @njit(cache=True, error_model="numpy")
@@ -91,6 +110,8 @@ def rescaled(
     """
     depth, (fastest, since) = ring.t.shape[0], known
     before, first, end = (at - 1) % depth, (at - 1 - LONGEST) % depth, (at + LONGEST) % depth
+    if since != 0.0:  # compared as recorded
+        own, last = c, ring.v[before, c]
     away = abs(speed(ring, before, last, at, ring.v[at, c]))
     if 0.0 < abs(since) < 1.0 and away > FAR * abs(since) * fastest:
         return 1.0 / since
@@ -110,17 +131,36 @@ def rescaled(
 
 
 @njit(cache=True, error_model="numpy")
+def is_its_own(ring: Lines, at: int, c: int, sums: Vector) -> bool:
+    """Did what is larger than it was go over most of where it ever was, as recorded, no faster than
+    ever? Where place and noise are alike, its return is no leap."""
+    if not abs(sums[5]) > 1.0:
+        return False
+    before, value = (at - 1) % ring.t.shape[0], ring.v[at, c]
+    went = abs(speed(ring, before, ring.v[before, c], at, value))
+    if went > NEAR * sums[1] or not sums[6] <= value <= sums[7]:
+        sums[8], sums[9] = value, value
+    sums[8], sums[9] = min(sums[8], value), max(sums[9], value)
+    return sums[9] - sums[8] >= MOST * (sums[7] - sums[6])
+
+
+@njit(cache=True, error_model="numpy")
 def steadily(
     ring: Lines, base: int, c: int, own: int, j: int, n: int, sums: Vector
 ) -> tuple[float, int]:
     """What goes steadily at row j of n, and its mark: `ERROR` where it is taken from its
-    neighbours; column ``own`` has what was told of the rows before."""
+    neighbours; column ``own`` has what was told of the rows before.
+
+    ``sums``: rows at which it moved, the fastest, rows that are wrong yet, what its zero moved by,
+    for how long it stands, how many times it is what it was; lowest and highest place, and those
+    since it last was beyond them, or went faster than ever.
+    """
     depth = ring.t.shape[0]
     at, before = (base + j) % depth, (base + j - 1) % depth
     value = ring.v[at, c]
     if j == 0:
-        sums[2:6] = 0.0
-        return value, OK
+        sums[2:5], sums[8], sums[9] = 0.0, value, value
+        return value / of_units(sums[5]) if sums[5] != 0.0 else value, OK
     last, passed = ring.v[before, own] + sums[3], (ring.t[at] - ring.t[before]) * 1e-9
     if sums[2] == 0.0 and sums[0] >= KNOWN:
         rows = 0
@@ -128,12 +168,13 @@ def steadily(
             rows = astray(ring, at, c, last, n - j, sums[1])
         if rows <= 0 and LONGEST < j < n - LONGEST:
             number = rescaled(ring, at, c, own, last, (sums[1], sums[5]))
-            if number != 0.0:
+            if number != 0.0 or is_its_own(ring, at, c, sums):
                 mark = RESCALED if sums[5] == 0.0 else BACK
                 sums[3], sums[5] = 0.0, number if mark == RESCALED else 0.0
-                return value, mark
-        if sums[5] != 0.0:
-            return value, OK  # the twin asks what it is
+                sums[8], sums[9] = value, value
+                return value / (of_units(number) if mark == RESCALED else 1.0), mark
+        if sums[5] != 0.0:  # of one that is no unit's the twin asks what it is
+            return value / of_units(sums[5]), OK
         most = NEAR * sums[1] * (sums[4] + passed)
         if rows < 0 and sums[4] > 0.0 and thaws(ring, at, c, value - last, most):
             sums[4] = 0.0
@@ -153,5 +194,8 @@ def steadily(
     sums[4] = sums[4] + passed if went == 0.0 else 0.0
     if went > 0.0 and went < np.inf:
         sums[1] = max(sums[1], went if sums[0] < KNOWN else min(went, 2.0 * sums[1]))
+        goes = value - sums[3]
+        sums[6] = min(sums[6], goes) if sums[0] > 0.0 else goes
+        sums[7] = max(sums[7], goes) if sums[0] > 0.0 else goes
         sums[0] += 1.0
     return value - sums[3], OK
