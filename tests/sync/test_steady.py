@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,6 +17,8 @@ STAGE = Derive(
     ("q",), (Operation("q", "steady", ("q",)), Operation("qd", "derivative", ("q",))),
     (Taken("q"), Taken("qd")), (), 100.0,
 )  # fmt: skip
+STATIC = replace(STAGE, static=True)
+"""The same, for a model that has no state to take up what is read."""
 RATE, N = 100.0, 2000
 
 
@@ -45,13 +48,13 @@ def part(whole: Rows, a: int, b: int) -> Rows:
     return Rows(*(column[a:b] for column in whole))
 
 
-def folded(q: np.ndarray, *cuts: int) -> tuple[Rows, list[Event]]:
-    state, whole, left, told = STAGE.init(), rows(q), list[Rows](), list[Event]()
+def folded(q: np.ndarray, *cuts: int, by: Derive = STAGE) -> tuple[Rows, list[Event]]:
+    state, whole, left, told = by.init(), rows(q), list[Rows](), list[Event]()
     for a, b in zip((0, *cuts), (*cuts, len(q)), strict=True):
-        state, some, events = STAGE.step(state, part(whole, a, b))
+        state, some, events = by.step(state, part(whole, a, b))
         left += [some] if some is not None else []
         told += events
-    state, some, events = STAGE.flush(state)
+    state, some, events = by.flush(state)
     left += [some] if some is not None else []
     return Rows(*(np.concatenate(c) for c in zip(*left, strict=True))), [*told, *events]
 
@@ -123,7 +126,10 @@ def test_what_changes_its_unit_keeps_its_zero(number: float) -> None:
         assert "unit" in told[0].reason and told[0].evidence["open"]
         assert_allclose = np.testing.assert_allclose
         assert_allclose(left.u[: back - 1, 0], (q if undone else other)[: back - 1], rtol=1e-12)
+        known = np.isfinite(folded(other, by=STATIC)[0].u).all(axis=1)
+        assert (known[at + 3 : back - 3] != undone).all() and known[: at - 1].all()
         again = abs(q[back]) > 0.3
+        assert not again or known[back + 3 :].all()
         assert not again or [e.row for e in told[1:]] == [back]
 
 

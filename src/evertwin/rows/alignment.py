@@ -108,6 +108,10 @@ class Alignment:
         others = {*angles, *(one.column for one in outputs)}
         moving = [n for n in _moving(operations, inputs) if n in _places(spec) - others]
         operations = (*(Operation(name, "steady", (name,)) for name in moving), *operations)
+        if not dynamic:  # a recorded speed tells the rest of a place, and its unit late
+            read = {n: None for one in inputs if (n := one.column) in _places(spec) - others}
+            steady = (Operation(n, "steady", (n,), 0.0) for n in read if n and n not in moving)
+            operations = (*steady, *operations)
         columns = _columns(operations, inputs, outputs, feeds)
         operations = _used(operations, [one.column for one in (*inputs, *outputs)])
         held, measured = (
@@ -132,7 +136,7 @@ class Alignment:
         )
         names = (*columns.inputs, *columns.outputs)
         derive = Derive(
-            names, operations, tuple(inputs), tuple(outputs), clock.rate, (span[0], span[1])
+            names, operations, tuple(inputs), tuple(outputs), clock.rate, (span[0], span[1]), not dynamic
         )
         return cls(align, derive, perceiving, watched(spec))
 

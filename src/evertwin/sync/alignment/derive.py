@@ -71,8 +71,8 @@ SAYS = {
     ),
     loop.SCALED: (
         "measurement_error",
-        "place and speed are {:.3g} times what they were one row before, as in another unit: it is "
-        "read divided by that until it is back, where a number of units",
+        "place and speed are {:.3g} times what they were one row before, as in another unit; nothing "
+        "is learned from it",
     ),
 }
 """Kind and reason of an event."""
@@ -92,7 +92,7 @@ class Operation:
     source: tuple[str, ...]
     """Columns that it is computed from, recorded or computed before."""
     value: float = 1.0
-    """Factor of ``scale``, seconds of ``slope`` and of ``lag``, a first-order low pass."""
+    """Factor of ``scale``; 0: of ``steady`` only the unit; seconds of ``slope`` and of ``lag``, a first-order low pass."""
     low_pass: Symmetric | None = None
     """Of ``filter``."""
 
@@ -148,6 +148,8 @@ class Derive:
     """Rows per second on a uniform grid; None: as they come."""
     span: tuple[int, int] = field(default=(-FOREVER, FOREVER))
     """First and last stamp that stay, from the start of their task [ns]."""
+    static: bool = False
+    """Are inputs taken as they are, by no state? One in another unit is not known then."""
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -223,7 +225,7 @@ class Derive:
             np.array([one.value for one in self.operations], dtype=np.float64),
             np.array(ahead, dtype=np.int64), np.array(start, dtype=np.int64),
             np.concatenate(weights), np.array(table, dtype=np.int64).reshape(-1, 2),
-            np.array([*self.span, edge], dtype=np.int64),
+            np.array([*self.span, edge, self.static], dtype=np.int64),
         )  # fmt: skip
 
     def _place(self, one: Taken) -> int:

@@ -13,7 +13,7 @@ import numpy as np
 
 from evertwin.compiled.functions import njit
 from evertwin.sync.alignment.running_loop import lagging, unwrapped
-from evertwin.sync.alignment.steady_loop import BACK, LEAPT, RESCALED, steadily
+from evertwin.sync.alignment.steady_loop import BACK, LEAPT, OTHER, RESCALED, steadily
 from evertwin.sync.horizon.horizon_loop import wrapped
 from evertwin.types import (
     Bools,
@@ -65,9 +65,9 @@ class Program(NamedTuple):
     weights: Vector
     table: Int64[np.ndarray, "channels two"]
     """Column of each input, then each output (−1: nothing measures it), and how it comes there."""
-    limits: Int64[np.ndarray, " three"]
+    limits: Int64[np.ndarray, " four"]
     """First and last stamp from a task's start [ns]; rows at an end of a stretch that no output may
-    be compared at."""
+    be compared at; 1: an input in another unit is not known, else it is taken as what it may be."""
 
 
 class Lines(NamedTuple):
@@ -256,7 +256,9 @@ def compute(program: Program, ring: Lines, memory: Memory, base: int, n: int, cl
             at, level = (base + j) % depth, OK
             count = n if closed else there
             if code == STEADY:
-                value, level = steadily(ring, base, sources[0], raw + k, j, count, memory.sums[k])
+                value, level = steadily(
+                    ring, base, sources[0], raw + k, j, count, memory.sums[k], program.value[k] == 0.0
+                )
             elif code == DERIVATIVE:
                 value = difference(ring, base, sources[0], j, count)
             elif code == SLOPE:
@@ -277,7 +279,8 @@ def compute(program: Program, ring: Lines, memory: Memory, base: int, n: int, cl
                 value = pointwise(ring, at, code, sources, program.value[k])
             for c in sources:
                 if c >= 0:
-                    level = max(level, min(ring.mark[at, c], ERROR))
+                    mark = ring.mark[at, c]
+                    level = max(level, OTHER if mark >= RESCALED else min(mark, ERROR))
             if code == FILTER and level == UNSEEN:
                 level = HELD  # it was measured around the hole
             elif code in (DERIVATIVE, SLOPE):
@@ -315,6 +318,9 @@ def emit(program: Program, ring: Lines, memory: Memory, counters: Counters, room
                 value, level = np.nan, max(level, ABSENT)
             room.y[at, k - nu], room.mark[at, k] = value, level
             continue
+        if level >= RESCALED and program.limits[3] != 0:
+            room.u[at, k], room.mark[at, k] = np.nan, ERROR
+            continue
         if level == UNSEEN and c < raw:
             level = HELD  # a value on a line will do, a slope of it will not
         if value != value and memory.newest[k] == memory.newest[k]:
@@ -326,7 +332,7 @@ def emit(program: Program, ring: Lines, memory: Memory, counters: Counters, room
         if program.code[k] == STEADY:
             now = ring.mark[place, raw + k]
             was = before >= 0 and ring.mark[before, raw + k] == ERROR
-            if now >= LEAPT:
+            if LEAPT <= now <= RESCALED:
                 room.wrong[at, k] = LEAPS + now - LEAPT
                 own, source = ring.v[place, raw + k], ring.v[place, program.sources[k, 0]]
                 undone = source / own if now == RESCALED else 1.0

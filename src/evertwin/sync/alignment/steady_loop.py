@@ -4,7 +4,7 @@ What it does from one row to the next is compared with the fastest that it ever 
 it far faster and come back as fast are wrong: they are taken from their neighbours. Where it goes
 on from there as it ever went, its zero moved; where it stood still before, and moves at once, it
 was frozen, and is back; where place and speed are so many times what they were, its unit changed: a
-number that divides two units is undone until it is back.
+number that divides two units is undone, and the row known as such, until it is back.
 """
 
 from __future__ import annotations
@@ -23,13 +23,14 @@ if TYPE_CHECKING:
 KNOWN, FAR, NEAR, LONGEST = 50, 4.0, 1.5, 3
 """Of what goes steadily: rows at which it moved before it is known how fast it does, times of that
 from which a step is none of its own, times within which it is back, and rows that may be wrong."""
-LEAPT, BACK, RESCALED = 7, 8, 9
+LEAPT, BACK, RESCALED, OTHER = 7, 8, 9, 10
 """Mark of a row up to which what goes steadily leapt; at which it is back; from which on it is in
-another unit."""
-TWICE, EXACT, CLEARLY, SLOW, MOST = 2.0, 0.1, 0.3, 0.02, 0.5
+another unit, and of the rows since."""
+TWICE, EXACT, CLEARLY, SLOW, MOST, WENT = 2.0, 0.1, 0.3, 0.02, 0.5, 5.0
 """Times that two units differ at least; share by which what is back is; part of the fastest speed,
 and of the change of speed that a moved zero leaves, that another unit leaves at most; part of the
-fastest below which it stands; of where it ever was, what it goes over once it is back."""
+fastest below which it stands; of where it ever was, what it goes over once it is back; and times the
+way of a row at its fastest that it went to and fro at least before a unit is told."""
 DEGREES, SAME = 57.29577951308232, 1e-3
 """Of a radian, and the share by which a place is known."""
 UNITS = np.array([
@@ -120,8 +121,9 @@ def rescaled(
     came = speed(ring, first, ring.v[first, own], before, ring.v[before, own])
     goes = speed(ring, at, ring.v[at, c], end, ring.v[end, c])
     number = ring.v[at, c] / (last + came * (ring.t[at] - ring.t[before]) * 1e-9)
-    if since != 0.0:
-        return number if abs(number * since - 1.0) < EXACT else 0.0
+    if since != 0.0:  # what crosses zero may be any number of times what it was
+        slow = abs(since) <= 1.0 or abs(goes) <= NEAR * fastest
+        return number if slow and abs(number * since - 1.0) < EXACT else 0.0
     if abs(came) + abs(goes) <= SLOW * fastest:  # of what stands the place has to say it all
         unit = min(abs(number * DEGREES - 1.0), abs(number / DEGREES - 1.0)) < SAME
         return number if unit else 0.0
@@ -146,35 +148,41 @@ def is_its_own(ring: Lines, at: int, c: int, sums: Vector) -> bool:
 
 @njit(cache=True, error_model="numpy")
 def steadily(
-    ring: Lines, base: int, c: int, own: int, j: int, n: int, sums: Vector
+    ring: Lines, base: int, c: int, own: int, j: int, n: int, sums: Vector, only: bool
 ) -> tuple[float, int]:
     """What goes steadily at row j of n, and its mark: `ERROR` where it is taken from its
     neighbours; column ``own`` has what was told of the rows before.
 
     ``sums``: rows at which it moved, the fastest, rows that are wrong yet, what its zero moved by,
     for how long it stands, how many times it is what it was; lowest and highest place, and those
-    since it last was beyond them, or went faster than ever.
+    since it last was beyond them, or went faster than ever. ``only``: its unit is looked at, and
+    nothing else, as a recorded speed tells the rest.
     """
     depth = ring.t.shape[0]
     at, before = (base + j) % depth, (base + j - 1) % depth
     value = ring.v[at, c]
     if j == 0:
         sums[2:5], sums[8], sums[9] = 0.0, value, value
-        return value / of_units(sums[5]) if sums[5] != 0.0 else value, OK
+        undone = of_units(sums[5]) if sums[5] != 0.0 else 1.0
+        return value / undone, OTHER if undone != 1.0 else OK
     last, passed = ring.v[before, own] + sums[3], (ring.t[at] - ring.t[before]) * 1e-9
     if sums[2] == 0.0 and sums[0] >= KNOWN:
         rows = 0
         if sums[5] == 0.0:
             rows = astray(ring, at, c, last, n - j, sums[1])
-        if rows <= 0 and LONGEST < j < n - LONGEST:
+        went = sums[7] - sums[6] >= WENT * sums[1] * passed
+        if rows <= 0 and LONGEST < j < n - LONGEST and (went or sums[5] != 0.0):
             number = rescaled(ring, at, c, own, last, (sums[1], sums[5]))
             if number != 0.0 or is_its_own(ring, at, c, sums):
                 mark = RESCALED if sums[5] == 0.0 else BACK
                 sums[3], sums[5] = 0.0, number if mark == RESCALED else 0.0
                 sums[8], sums[9] = value, value
                 return value / (of_units(number) if mark == RESCALED else 1.0), mark
-        if sums[5] != 0.0:  # of one that is no unit's the twin asks what it is
-            return value / of_units(sums[5]), OK
+        if sums[5] != 0.0:
+            undone = of_units(sums[5])
+            return value / undone, OTHER if undone != 1.0 else OK  # else the twin asks what it is
+        if only:
+            rows = 0
         most = NEAR * sums[1] * (sums[4] + passed)
         if rows < 0 and sums[4] > 0.0 and thaws(ring, at, c, value - last, most):
             sums[4] = 0.0
