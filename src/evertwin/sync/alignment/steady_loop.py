@@ -26,11 +26,14 @@ from which a step is none of its own, times within which it is back, and rows th
 LEAPT, BACK, RESCALED, OTHER = 7, 8, 9, 10
 """Mark of a row up to which what goes steadily leapt; at which it is back; from which on it is in
 another unit, and of the rows since."""
-TWICE, EXACT, CLEARLY, SLOW, MOST, WENT = 2.0, 0.1, 0.3, 0.02, 0.5, 5.0
+TWICE, EXACT, CLEARLY, SLOW, MOST, WENT, NEARER = 2.0, 0.1, 0.3, 0.02, 0.5, 5.0, 0.7
 """Times that two units differ at least; share by which what is back is; part of the fastest speed,
 and of the change of speed that a moved zero leaves, that another unit leaves at most; part of the
 fastest below which it stands; of where it ever was, what it goes over once it is back; and times the
-way of a row at its fastest that it went to and fro at least before a unit is told."""
+way of a row at its fastest that it went to and fro at least before a unit is told; and part of how
+far its speed is from what it was that another unit leaves at most."""
+AGAIN = 10.0
+"""Seconds for which what was so many times as large is no more so once it is back."""
 DEGREES, SAME = 57.29577951308232, 1e-3
 """Of a radian, and the share by which a place is known."""
 UNITS = np.array([
@@ -49,6 +52,19 @@ def of_units(number: float) -> float:
         for known in (one, 1.0 / one):
             off = abs(number / known - 1.0)
             if off < least:
+                found, least = known, off
+    return found
+
+
+@njit(cache=True, error_model="numpy")
+def in_units(value: float, expected: float, came: float, goes: float, way: float) -> float:
+    """The number of two units between a place and what was ``expected`` of it, that its speed says
+    too; 0: there is none. ``way``: as far as it may be from there."""
+    found, least = 0.0, 0.5
+    for one in UNITS:
+        for known in (one, 1.0 / one):
+            off = abs(value / known - expected) / way
+            if off < least and abs(goes - known * came) < NEARER * abs(goes - came):
                 found, least = known, off
     return found
 
@@ -120,13 +136,17 @@ def rescaled(
         return 0.0
     came = speed(ring, first, ring.v[first, own], before, ring.v[before, own])
     goes = speed(ring, at, ring.v[at, c], end, ring.v[end, c])
-    number = ring.v[at, c] / (last + came * (ring.t[at] - ring.t[before]) * 1e-9)
+    passed = (ring.t[at] - ring.t[before]) * 1e-9
+    number = ring.v[at, c] / (last + came * passed)
     if since != 0.0:  # what crosses zero may be any number of times what it was
         slow = abs(since) <= 1.0 or abs(goes) <= NEAR * fastest
         return number if slow and abs(number * since - 1.0) < EXACT else 0.0
     if abs(came) + abs(goes) <= SLOW * fastest:  # of what stands the place has to say it all
         unit = min(abs(number * DEGREES - 1.0), abs(number / DEGREES - 1.0)) < SAME
         return number if unit else 0.0
+    known = in_units(ring.v[at, c], ring.v[at, c] / number, came, goes, passed * fastest)
+    if known != 0.0:
+        return known
     off = abs(goes - number * came)
     near = off <= CLEARLY * min(abs(number) * fastest, abs(goes - came))
     return number if near and not 1.0 / TWICE < number < TWICE else 0.0
@@ -141,9 +161,10 @@ def is_its_own(ring: Lines, at: int, c: int, sums: Vector) -> bool:
     before, value = (at - 1) % ring.t.shape[0], ring.v[at, c]
     went = abs(speed(ring, before, ring.v[before, c], at, value))
     if went > NEAR * sums[1] or not sums[6] <= value <= sums[7]:
-        sums[8], sums[9] = value, value
+        sums[4], sums[8], sums[9] = 0.0, value, value
+    sums[4] += (ring.t[at] - ring.t[before]) * 1e-9
     sums[8], sums[9] = min(sums[8], value), max(sums[9], value)
-    return sums[9] - sums[8] >= MOST * (sums[7] - sums[6])
+    return sums[4] >= AGAIN and sums[9] - sums[8] >= MOST * (sums[7] - sums[6])
 
 
 @njit(cache=True, error_model="numpy")
@@ -154,7 +175,7 @@ def steadily(
     neighbours; column ``own`` has what was told of the rows before.
 
     ``sums``: rows at which it moved, the fastest, rows that are wrong yet, what its zero moved by,
-    for how long it stands, how many times it is what it was; lowest and highest place, and those
+    for how long it stands, or is no larger than it was, how many times it is what it was; lowest and highest place, and those
     since it last was beyond them, or went faster than ever. ``only``: its unit is looked at, and
     nothing else, as a recorded speed tells the rest.
     """
@@ -176,7 +197,7 @@ def steadily(
             if number != 0.0 or is_its_own(ring, at, c, sums):
                 mark = RESCALED if sums[5] == 0.0 else BACK
                 sums[3], sums[5] = 0.0, number if mark == RESCALED else 0.0
-                sums[8], sums[9] = value, value
+                sums[4], sums[8], sums[9] = 0.0, value, value
                 return value / (of_units(number) if mark == RESCALED else 1.0), mark
         if sums[5] != 0.0:
             undone = of_units(sums[5])
