@@ -270,8 +270,11 @@ def tried(
     >>> setup = Setup(spec, model_of(spec, None))
     >>> [tried(setup, {"segments": n, "gain": 0.9}, 0.5) for n in (2, 3)]
     [None, 'promote']
+    >>> [tried(setup, {"segments": n, "gain": gain}, 0.5) for n, gain in ((3, -0.1), (3, 0.1))]
+    ['reject', None]
     """
     least = max(SEGMENTS, math.ceil(BRIEF / setup.trial.horizon - 1e-9))
     if evidence["segments"] >= least and evidence["gain"] >= gain:
         return "promote"
-    return "reject" if evidence["segments"] >= PATIENCE * least else None
+    patience = 1 if evidence["gain"] < 0.0 else PATIENCE  # it does harm: something else it is
+    return "reject" if evidence["segments"] >= patience * least else None

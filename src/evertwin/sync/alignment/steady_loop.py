@@ -59,12 +59,13 @@ def of_units(number: float) -> float:
 @njit(cache=True, error_model="numpy")
 def in_units(value: float, expected: float, came: float, goes: float, way: float) -> float:
     """The number of two units between a place and what was ``expected`` of it, that its speed says
-    too; 0: there is none. ``way``: as far as it may be from there."""
+    too, or that is exact; 0: there is none. ``way``: of a row, as far as it may be from there."""
     found, least = 0.0, 0.5
     for one in UNITS:
         for known in (one, 1.0 / one):
             off = abs(value / known - expected) / way
-            if off < least and abs(goes - known * came) < NEARER * abs(goes - came):
+            nearer = abs(goes - known * came) < NEARER * abs(goes - came)
+            if off < least and (nearer or off < SLOW):
                 found, least = known, off
     return found
 
