@@ -76,7 +76,7 @@ def test_beside_a_smooth_error_of_the_model_a_contact_of_four_times_that_is_told
         rows, rng = swings(seed=seed), np.random.default_rng(seed)
         t = np.arange(4000) / RATE
         place = np.stack([-np.cos(2 * np.pi * t / 7), np.sin(2 * np.pi * t / 5)], axis=1)
-        smooth = 0.5 * np.sin(3.0 * place + rng.uniform(0.0, 6.0, 2))
+        smooth = 0.5 * np.sin(1.2 * place + rng.uniform(0.0, 6.0, 2))
         rms, by = float(np.sqrt(np.mean(smooth[:, 0] ** 2) + 0.1**2)), np.zeros((4000, 2))
         at = int(rng.choice([1960, 2320, 2680, 3010]))
         assert found(off(rows, smooth))[0] is None

@@ -56,9 +56,9 @@ LARGE = 9.0
 """Times the mean square that a row counts at most: one contact does not hide the next."""
 SMOOTH = 4.0
 """Times the rms of its mean over a window that is off: errors of a model are smooth."""
-GOES, SUDDEN = 3, 6.0
+GOES, SUDDEN, AWAY = 3, 8.0, 3.5
 """Windows for which a motion has to go on before its residual is held against what it was; times
-the usual change of its mean that is none of the model's."""
+the usual change of its mean, and times its rms, that is none of the model's."""
 SURELY = 5.0
 """Times the mean step that a friction must be: smaller ones are not known."""
 MOSTLY, SELDOM = 0.6, 0.45
@@ -211,9 +211,10 @@ def limit_of(e: float, ahead: float, number: Any, figure: Any, times: float, rul
 def leaves(left: float, limit: float, number: Any, figure: Any, times: float, rule: Any) -> int:
     """The side to which the residual of a motion that goes on has left at once where it was, by
     more than it ever changes within a window, however far off the model is; 0: it has not."""
-    if not limit < np.inf or number[SEEN] <= 2 * rule[1] or number[RUN] < GOES * rule[4]:
+    if not limit < np.inf or number[SEEN] <= 2 * rule[2] or number[RUN] < GOES * rule[4]:
         return 0
     most = max(times * np.sqrt(figure[APART]), SUDDEN * np.sqrt(figure[SHIFT]))
+    most = max(most, AWAY * np.sqrt(figure[SQUARE]))
     apart = left - figure[NEAR]
     return 0 if abs(apart) <= most else 1 if apart > 0.0 else -1
 
