@@ -72,8 +72,9 @@ ALONE = 0.99
 """Squared correlation of both changes from which on one tells no more than the other."""
 OF_NOTE = 0.1
 """Share of the residual's mean square that how the expected changes makes, where that counts."""
-AT_ONCE = 0.5
-"""Part of its level that an output reaches within half a window, where a motion goes on."""
+AT_ONCE, AWAY_YET = 0.5, 0.25
+"""Part of its level that an output reaches within half a window, where a motion goes on; part of how
+far it left where it was by which it is off at least: less is a return."""
 
 
 @njit(cache=True)
@@ -210,13 +211,16 @@ def limit_of(e: float, ahead: float, number: Any, figure: Any, times: float, rul
 @njit(cache=True)
 def leaves(left: float, limit: float, number: Any, figure: Any, times: float, rule: Any) -> int:
     """The side to which the residual of a motion that goes on has left at once where it was, by
-    more than it ever changes within a window, however far off the model is; 0: it has not."""
+    more than it ever changes within a window, however far off the model is; 0: it has not, or is
+    back to nothing."""
     if not limit < np.inf or number[SEEN] <= 2 * rule[2] or number[RUN] < GOES * rule[4]:
         return 0
     most = max(times * np.sqrt(figure[APART]), SUDDEN * np.sqrt(figure[SHIFT]))
     most = max(most, AWAY * np.sqrt(figure[SQUARE]))
     apart = left - figure[NEAR]
-    return 0 if abs(apart) <= most else 1 if apart > 0.0 else -1
+    if abs(apart) <= most or left * apart < AWAY_YET * apart * apart:
+        return 0
+    return 1 if apart > 0.0 else -1
 
 
 @njit(cache=True)
