@@ -131,7 +131,7 @@ def test_a_bias_of_a_joint_that_hardly_turns_back_is_no_loss_of_its_friction(
         assert fit.names == (moves,)
 
 
-def test_of_two_joints_that_changed_the_second_moves_too_before_it_is_off_by_what_is_asked() -> None:
+def test_of_two_joints_that_changed_both_move_also_where_one_is_within_what_is_asked() -> None:
     names = [f"c{k}" for k in range(6)]
     joints = FunctionModel(
         lambda x, u, dt, p: ([], [p[k] * u[k] for k in range(6)]),

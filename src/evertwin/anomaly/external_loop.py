@@ -73,8 +73,8 @@ ALONE = 0.99
 OF_NOTE = 0.1
 """Share of the residual's mean square that how the expected changes makes, where that counts."""
 AT_ONCE, AWAY_YET = 0.5, 0.25
-"""Part of its level that an output reaches within half a window, where a motion goes on; part of how
-far it left where it was by which it is off at least: less is a return."""
+"""Part of its level that an output reaches within half a window, where a motion goes on; part of
+how far it left where it was by which it is off at least: less is a return."""
 
 
 @njit(cache=True)

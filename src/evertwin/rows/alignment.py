@@ -136,8 +136,9 @@ class Alignment:
         )
         names = (*columns.inputs, *columns.outputs)
         derive = Derive(
-            names, operations, tuple(inputs), tuple(outputs), clock.rate, (span[0], span[1]), not dynamic
-        )
+            names, operations, tuple(inputs), tuple(outputs), clock.rate, (span[0], span[1]),
+            static=not dynamic,
+        )  # fmt: skip
         return cls(align, derive, perceiving, watched(spec))
 
     @cached_property

@@ -30,7 +30,7 @@ def compared(
 
 
 def told(decision: Decision, setup: Setup) -> bool:
-    """Tells of contradictions that opened or closed. True: one is open, or an input is not known, so
+    """Tells of contradictions that opened or closed. True: one is open, or an input is not known:
     nothing is asked for."""
     state = decision.state
     kinematics, found = setup.kinematics.beat(state.kinematics)

@@ -71,8 +71,8 @@ SAYS = {
     ),
     loop.SCALED: (
         "measurement_error",
-        "place and speed are {:.3g} times what they were one row before, as in another unit; nothing "
-        "is learned from it",
+        "place and speed are {:.3g} times what they were one row before, as in another unit; "
+        "nothing is learned from it",
     ),
 }
 """Kind and reason of an event."""
@@ -92,7 +92,8 @@ class Operation:
     source: tuple[str, ...]
     """Columns that it is computed from, recorded or computed before."""
     value: float = 1.0
-    """Factor of ``scale``; 0: of ``steady`` only the unit; seconds of ``slope`` and of ``lag``, a first-order low pass."""
+    """Factor of ``scale``; 0: of ``steady`` only the unit; seconds of ``slope`` and of ``lag``, a
+    first-order low pass."""
     low_pass: Symmetric | None = None
     """Of ``filter``."""
 

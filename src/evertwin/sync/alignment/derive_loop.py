@@ -256,9 +256,8 @@ def compute(program: Program, ring: Lines, memory: Memory, base: int, n: int, cl
             at, level = (base + j) % depth, OK
             count = n if closed else there
             if code == STEADY:
-                value, level = steadily(
-                    ring, base, sources[0], raw + k, j, count, memory.sums[k], program.value[k] == 0.0
-                )
+                only, sums = program.value[k] == 0.0, memory.sums[k]
+                value, level = steadily(ring, base, sources[0], raw + k, j, count, sums, only)
             elif code == DERIVATIVE:
                 value = difference(ring, base, sources[0], j, count)
             elif code == SLOPE:

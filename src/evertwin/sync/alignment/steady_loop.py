@@ -29,7 +29,7 @@ another unit, and of the rows since."""
 TWICE, EXACT, CLEARLY, SLOW, MOST, WENT, NEARER = 2.0, 0.1, 0.3, 0.02, 0.5, 5.0, 0.7
 """Times that two units differ at least; share by which what is back is; part of the fastest speed,
 and of the change of speed that a moved zero leaves, that another unit leaves at most; part of the
-fastest below which it stands; of where it ever was, what it goes over once it is back; and times the
+fastest below which it stands; of where it ever was, what it goes over once it is back; times the
 way of a row at its fastest that it went to and fro at least before a unit is told; and part of how
 far its speed is from what it was that another unit leaves at most."""
 AGAIN = 10.0
@@ -176,9 +176,9 @@ def steadily(
     neighbours; column ``own`` has what was told of the rows before.
 
     ``sums``: rows at which it moved, the fastest, rows that are wrong yet, what its zero moved by,
-    for how long it stands, or is no larger than it was, how many times it is what it was; lowest and highest place, and those
-    since it last was beyond them, or went faster than ever. ``only``: its unit is looked at, and
-    nothing else, as a recorded speed tells the rest.
+    for how long it stands, or is no larger than it was, how many times it is what it was; lowest
+    and highest place, and those since it last was beyond them, or went faster than ever.
+    ``only``: its unit is looked at, and nothing else, as a recorded speed tells the rest.
     """
     depth = ring.t.shape[0]
     at, before = (base + j) % depth, (base + j - 1) % depth
