@@ -88,7 +88,8 @@ def learned(x: float, number: Any, figure: Any, rule: Any) -> None:
     figure[BASE] += (x - figure[BASE]) / min(number[SEEN], rule[3])
     if number[SEEN] > rule[1] and number[RUN] >= GOES * rule[4]:
         memory = min(number[SEEN] - rule[1], rule[2])
-        apart, shift = (x - figure[NEAR]) ** 2, (figure[NEAR] - figure[SLOWER]) ** 2
+        apart, shift = x - figure[NEAR], figure[NEAR] - figure[SLOWER]
+        apart, shift = apart * apart, shift * shift
         if number[SEEN] > 2 * rule[1]:
             apart = min(apart, LARGE * figure[APART])
             shift = min(shift, LARGE * figure[SHIFT])

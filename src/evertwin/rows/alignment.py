@@ -108,11 +108,8 @@ class Alignment:
         others = {*angles, *(one.column for one in outputs)}
         goes, read = _moving(operations, inputs), [] if dynamic else [n.column for n in inputs]
         # of a place whose speed is recorded that tells the rest, and its unit late
-        steady = [n for n in dict.fromkeys([*goes, *read]) if n and n in _places(spec) - others]
-        operations = (
-            *(Operation(n, "steady", (n,), float(n in goes)) for n in steady),
-            *operations,
-        )
+        some = [n for n in dict.fromkeys([*goes, *read]) if n and n in _places(spec) - others]
+        operations = (*(Operation(n, "steady", (n,), float(n in goes)) for n in some), *operations)
         columns = _columns(operations, inputs, outputs, feeds)
         operations = _used(operations, [one.column for one in (*inputs, *outputs)])
         held, measured = (
