@@ -145,9 +145,9 @@ def rescaled(
     if abs(came) + abs(goes) <= SLOW * fastest:  # of what stands the place has to say it all
         unit = min(abs(number * DEGREES - 1.0), abs(number / DEGREES - 1.0)) < SAME
         return number if unit else 0.0
-    known = in_units(ring.v[at, c], ring.v[at, c] / number, came, goes, passed * fastest)
-    if known != 0.0:
-        return known
+    named = in_units(ring.v[at, c], ring.v[at, c] / number, came, goes, passed * fastest)
+    if named != 0.0:
+        return named
     off = abs(goes - number * came)
     near = off <= CLEARLY * min(abs(number) * fastest, abs(goes - came))
     return number if near and not 1.0 / TWICE < number < TWICE else 0.0
@@ -165,7 +165,7 @@ def is_its_own(ring: Lines, at: int, c: int, sums: Vector) -> bool:
         sums[4], sums[8], sums[9] = 0.0, value, value
     sums[4] += (ring.t[at] - ring.t[before]) * 1e-9
     sums[8], sums[9] = min(sums[8], value), max(sums[9], value)
-    return sums[4] >= AGAIN and sums[9] - sums[8] >= MOST * (sums[7] - sums[6])
+    return bool(sums[4] >= AGAIN and sums[9] - sums[8] >= MOST * (sums[7] - sums[6]))
 
 
 @njit(cache=True, error_model="numpy")

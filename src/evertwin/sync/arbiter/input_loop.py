@@ -230,23 +230,25 @@ def doubt(work: Workspace, i: int, now: Any) -> None:
 @njit(**HOT)
 def refuse_impossible(work: Workspace, i: int, now: Any) -> None:
     """Inputs beyond what is physically possible did not reach the machine: they stay as they
-    were, of a model with a state, once one was believed; else they are not known. One that was for
-    a while is believed again once it has not been for some times as long."""
+    were, of a model with a state, once one was believed; else they are not known. What comes again
+    soon is believed again once it has stayed away for some times as long."""
     (inputs, counts), u, limits = work.known, work.out.u, work.possible
     keeps = work.case.x.shape[0] > 0
     for k in range(u.shape[1]):
         value = u[i, k]
         if not np.isfinite(value):
             continue
+        last, again = inputs[k, at.BEYOND_AT], inputs[k, at.BEYOND_AGAIN] > 0.0
+        lately = now[1] - last < min(TIMES * (last - inputs[k, at.BEYOND_FROM]), LONGEST_TIME)
         if limits[k, 0] <= value <= limits[k, 1]:
-            lasted = inputs[k, at.BEYOND_AT] - inputs[k, at.BEYOND_FROM]
-            over = now[1] - inputs[k, at.BEYOND_AT] >= min(TIMES * lasted, LONGEST_TIME)
-            if keeps or counts[k, at.DOUBTED] == 0 or over:
+            if keeps or counts[k, at.DOUBTED] == 0 or not (again and lately):
                 continue
         else:
             inputs[k, at.BEYOND_AT] = now[1]
         if counts[k, at.DOUBTED] == 0:
-            inputs[k, at.BEYOND_FROM] = now[1]
+            inputs[k, at.BEYOND_AGAIN] = 1.0 if lately else 0.0
+            if not lately:
+                inputs[k, at.BEYOND_FROM] = now[1]
             counts[k, at.DOUBT_ROW], counts[k, at.SAID] = now[0], 1
             note_input(work, k, FOUND_INPUT, value, now)
             found, detail, extent = work.case.notes
