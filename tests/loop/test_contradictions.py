@@ -70,7 +70,7 @@ def test_a_speed_in_degrees_is_told_where_it_is_beyond_what_is_possible(limit: f
         if one.evidence.get("cause") == "kinematics"
     )  # fmt: skip
     assert error.signal == "speed" and AT < error.row <= AT + 300
-    assert len(result.of_kind("measurement_error")) <= 3  # not each time that it is beyond
+    assert len(result.of_kind("measurement_error")) <= 5  # not each time that it is beyond
     assert error.evidence["factor"] == pytest.approx(57.2958, rel=0.02)
     assert not result.of_kind("tuned", "promoted", "external")
 
