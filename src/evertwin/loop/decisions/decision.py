@@ -50,7 +50,8 @@ class Decision:
     def _is_new(self, one: Mapping[str, Any]) -> bool:
         """Is it another thing, but for its figures, than what was said last of this version?"""
         said = f"{self.state.live.version} {one['signal']} {FIGURE.sub('', one['reason'])}"
-        known, _ = self.state.agenda.abnormal, self.remember(abnormal=said)
+        known = self.state.agenda.abnormal
+        self.remember(abnormal=said)
         return said != known
 
     def remember(self, **changes: Any) -> None:

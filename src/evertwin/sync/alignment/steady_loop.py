@@ -147,7 +147,7 @@ def rescaled(
         return number if unit else 0.0
     named = in_units(ring.v[at, c], ring.v[at, c] / number, came, goes, passed * fastest)
     if named != 0.0:
-        return named
+        return float(named)
     off = abs(goes - number * came)
     near = off <= CLEARLY * min(abs(number) * fastest, abs(goes - came))
     return number if near and not 1.0 / TWICE < number < TWICE else 0.0
