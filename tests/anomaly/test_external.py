@@ -67,6 +67,24 @@ def test_calm_says_nothing() -> None:
         assert found(swings(seed=seed))[0] is None
 
 
+@pytest.mark.parametrize("size", [-4.5, 4.5])
+def test_beside_a_smooth_error_of_the_model_a_contact_of_more_than_four_times_that_is_told(
+    size: float,
+) -> None:
+    """Its errors go with the place of each axis, and pass for a contact nowhere."""
+    for seed in range(10):
+        rows, rng = swings(seed=seed), np.random.default_rng(seed)
+        t = np.arange(4000) / RATE
+        place = np.stack([-np.cos(2 * np.pi * t / 7), np.sin(2 * np.pi * t / 5)], axis=1)
+        smooth = 0.5 * np.sin(1.2 * place + rng.uniform(0.0, 6.0, 2))
+        rms, by = float(np.sqrt(np.mean(smooth[:, 0] ** 2) + 0.1**2)), np.zeros((4000, 2))
+        at = int(rng.choice([2320, 2680, 3010, 3390]))
+        assert found(off(rows, smooth))[0] is None
+        by[at : at + 30, 0] = size * rms
+        contact = found(off(rows, smooth + by))[0]
+        assert contact is not None and abs(contact.first - at) < STAGE.window
+
+
 @pytest.mark.parametrize("law", ["dry", "viscous", "offset"])
 def test_what_a_parameter_explains_is_none(law: str) -> None:
     rows = swings()

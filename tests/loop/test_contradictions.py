@@ -26,8 +26,9 @@ ROWS, AT = 6000, 3000
 
 
 def lived(
-    speed: float = 1.0, worn: float = 0.0, frozen: bool = False, spec: TwinSpec = PLACED
-) -> RunResult:
+    speed: float = 1.0, worn: float = 0.0, frozen: bool = False, lost: bool = False,
+    spec: TwinSpec = PLACED,
+) -> RunResult:  # fmt: skip
     """An axis for 60 s, in whose second half something is wrong."""
     t, rng = np.arange(ROWS) / 100.0, np.random.default_rng(2)
     x = 0.2 * np.sin(0.9 * t) + 0.1 * np.sin(0.23 * t)
@@ -40,6 +41,7 @@ def lived(
     y[:, 0] += late * worn * (np.abs(x - 0.1) < 0.02) * np.sign(v) + rng.normal(0.0, 0.5, ROWS)
     if frozen:
         y[AT:] = y[AT]
+    u[late & lost, model.inputs.index("position")] = np.nan
     u[:, model.inputs.index("speed")] *= np.where(late, speed, 1.0)
     with Twin(spec) as twin:
         return twin.run((make_block(np.arange(ROWS) * 10**7, u, y),))
@@ -68,8 +70,13 @@ def test_a_speed_in_degrees_is_told_where_it_is_beyond_what_is_possible(limit: f
         if one.evidence.get("cause") == "kinematics"
     )  # fmt: skip
     assert error.signal == "speed" and AT < error.row <= AT + 300
+    assert len(result.of_kind("measurement_error")) <= 5  # not each time that it is beyond
     assert error.evidence["factor"] == pytest.approx(57.2958, rel=0.02)
     assert not result.of_kind("tuned", "promoted", "external")
+
+
+def test_where_a_position_is_not_known_nothing_is_asked_nor_told() -> None:
+    assert not {e.kind for e in lived(lost=True, worn=25.0).events} - {"not_calibrated"}
 
 
 def test_a_force_that_stands_is_frozen_once_until_the_end() -> None:

@@ -129,3 +129,23 @@ def test_a_bias_of_a_joint_that_hardly_turns_back_is_no_loss_of_its_friction(
         both = np.linalg.lstsq(np.c_[np.sign(u), np.ones(ROWS)], y[:, 0])[0]
         _, fit = fewest(setup, problem, replace(solve(problem), values=both), tuned)
         assert fit.names == (moves,)
+
+
+def test_of_two_joints_that_changed_both_move_also_where_one_is_within_what_is_asked() -> None:
+    names = [f"c{k}" for k in range(6)]
+    joints = FunctionModel(
+        lambda x, u, dt, p: ([], [p[k] * u[k] for k in range(6)]),
+        Layout.of(**{f"w{k}": "rad/s" for k in range(6)}),
+        Layout.of(**{f"tau{k}": "Nm" for k in range(6)}),
+        parameters=Parameters.of(**dict.fromkeys(names, (3.0, "Nm*s/rad"))),
+    )
+    setup = Setup(TwinSpec("joints", ModelSpec("python"), anomaly=AnomalySpec(0.05)), joints)
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        u = rng.normal(size=(4 * setup.enough, 6))
+        p = joints.parameters.with_values({"c2": 3.6, "c4": 3.12}).values  # 4 % of 5 % asked
+        _, y = joints.simulate(np.zeros(0), u, np.ones(len(u)), p)
+        y += rng.normal(0.0, 0.05, y.shape)
+        problem = Problem(joints, (make_block(t=np.arange(len(u)), u=u, y=y),))
+        _, fit = fewest(setup, problem, solve(problem), tuned)
+        assert set(fit.names) == {"c2", "c4"}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,6 +17,8 @@ STAGE = Derive(
     ("q",), (Operation("q", "steady", ("q",)), Operation("qd", "derivative", ("q",))),
     (Taken("q"), Taken("qd")), (), 100.0,
 )  # fmt: skip
+STATIC = replace(STAGE, static=True)
+"""The same, for a model that has no state to take up what is read."""
 RATE, N = 100.0, 2000
 
 
@@ -45,13 +48,13 @@ def part(whole: Rows, a: int, b: int) -> Rows:
     return Rows(*(column[a:b] for column in whole))
 
 
-def folded(q: np.ndarray, *cuts: int) -> tuple[Rows, list[Event]]:
-    state, whole, left, told = STAGE.init(), rows(q), list[Rows](), list[Event]()
+def folded(q: np.ndarray, *cuts: int, by: Derive = STAGE) -> tuple[Rows, list[Event]]:
+    state, whole, left, told = by.init(), rows(q), list[Rows](), list[Event]()
     for a, b in zip((0, *cuts), (*cuts, len(q)), strict=True):
-        state, some, events = STAGE.step(state, part(whole, a, b))
+        state, some, events = by.step(state, part(whole, a, b))
         left += [some] if some is not None else []
         told += events
-    state, some, events = STAGE.flush(state)
+    state, some, events = by.flush(state)
     left += [some] if some is not None else []
     return Rows(*(np.concatenate(c) for c in zip(*left, strict=True))), [*told, *events]
 
@@ -111,6 +114,7 @@ def test_what_was_frozen_and_is_back_is_where_it_is() -> None:
 
 @pytest.mark.parametrize("number", [np.pi / 180.0, -0.1, 180.0 / np.pi])
 def test_what_changes_its_unit_keeps_its_zero(number: float) -> None:
+    undone = number != -0.1  # no two units of a place differ by that
     for seed in range(60):
         q, _, at = frozen(seed)
         if abs(q[at]) < 0.3 or abs(q[at + 3] - q[at]) < 0.02:  # it hardly leaps, or moves
@@ -120,9 +124,32 @@ def test_what_changes_its_unit_keeps_its_zero(number: float) -> None:
         left, told = folded(other)
         assert (told[0].kind, told[0].row) == ("measurement_error", at)
         assert "unit" in told[0].reason and told[0].evidence["open"]
-        np.testing.assert_array_equal(left.u[:, 0], other)
+        assert_allclose = np.testing.assert_allclose
+        assert_allclose(left.u[: back - 1, 0], (q if undone else other)[: back - 1], rtol=1e-12)
+        known = np.isfinite(folded(other, by=STATIC)[0].u).all(axis=1)
+        assert (known[at + 3 : back - 3] != undone).all() and known[: at - 1].all()
         again = abs(q[back]) > 0.3
+        assert not again or known[back + 3 :].all()
         assert not again or [e.row for e in told[1:]] == [back]
+
+
+def test_what_was_degrees_is_its_own_again_wherever_that_was_over() -> None:
+    """Near zero the two are alike, and there is no leap back."""
+    found = 0
+    for seed in range(60):
+        q, _, at = frozen(seed)
+        crossing = [k for k in range(at + 100, N - 500) if q[k] * q[k - 1] <= 0.0]
+        if abs(q[at]) < 0.3 or not crossing:
+            continue
+        back = crossing[0]
+        other = np.r_[q[:at], np.rad2deg(q[at:back]), q[back:]]
+        left, told = folded(other)
+        kinds = [e.kind for e in told]
+        assert kinds == ["measurement_error", "measurement_restored"]
+        assert back <= told[1].row < back + 300
+        np.testing.assert_allclose(left.u[told[1].row :, 0], q[told[1].row :])
+        found += 1
+    assert found > 30
 
 
 def test_it_cannot_matter_where_rows_are_cut(run_as: Callable[[str], None]) -> None:

@@ -26,15 +26,18 @@ a motion but is there at rest, beyond friction, too is no part of that motion. A
 Did it come into it with a motion of its own; motions since, off as they began."""
 (
     SQUARE, BASE, NEAR, SLOW, NOISE, HOLD, USUAL, LEVEL, ROWS, EDGE, TOLD, ALIKE, EXPECTED, SHORT,
-    LONG, BY_SHORT, BY_LONG, SHORT_SHORT, SHORT_LONG, LONG_LONG, PACED, FOURTH, FIGURES,
-) = range(23)  # fmt: skip
+    LONG, BY_SHORT, BY_LONG, SHORT_SHORT, SHORT_LONG, LONG_LONG, PACED, FOURTH,
+    APART, SLOWER, SHIFT, FIGURES,
+) = range(26)  # fmt: skip
 """Places of an output's figures, and how many. Moving: the residual's mean square and mean, its
 mean over a window and that one's mean square. Mean step from row to row; widest friction since it
 was slow; share of motions that began calm. Of the rows that are off in this excursion Σ residual
 and number, and how far the first are from those before; mean level of what was found. Moving: mean
 product of measured and expected, mean square of what was expected; what was expected a short and a
 longer moment ago; mean products of the residual with what was expected less that, and of these; of
-the residual's square with that of the short one, and of this with itself."""
+the residual's square with that of the short one, and of this with itself. Of a motion that goes on:
+mean square by which the residual is off its mean over the window before; that mean over two
+windows, and how far both are from each other, mean square."""
 (
     NEXT, STATE, START, STAMP, OURS, LATE, FOUND, FIRST, LAST, SAID, BLIND, NEWS, SHARP, OWN,
     WHOSE, PLACES,
@@ -53,6 +56,9 @@ LARGE = 9.0
 """Times the mean square that a row counts at most: one contact does not hide the next."""
 SMOOTH = 4.0
 """Times the rms of its mean over a window that is off: errors of a model are smooth."""
+GOES, SUDDEN, AWAY = 3, 8.0, 3.5
+"""Windows for which a motion has to go on before its residual is held against what it was; times
+the usual change of its mean, and times its rms, that is none of the model's."""
 SURELY = 5.0
 """Times the mean step that a friction must be: smaller ones are not known."""
 MOSTLY, SELDOM = 0.6, 0.45
@@ -66,8 +72,9 @@ ALONE = 0.99
 """Squared correlation of both changes from which on one tells no more than the other."""
 OF_NOTE = 0.1
 """Share of the residual's mean square that how the expected changes makes, where that counts."""
-AT_ONCE = 0.5
-"""Part of its level that an output reaches within half a window, where a motion goes on."""
+AT_ONCE, AWAY_YET = 0.5, 0.25
+"""Part of its level that an output reaches within half a window, where a motion goes on; part of
+how far it left where it was by which it is off at least: less is a return."""
 
 
 @njit(cache=True)
@@ -79,6 +86,16 @@ def learned(x: float, number: Any, figure: Any, rule: Any) -> None:
         square = min(square, LARGE * figure[SQUARE])
     figure[SQUARE] += (square - figure[SQUARE]) / min(number[SEEN], rule[2])
     figure[BASE] += (x - figure[BASE]) / min(number[SEEN], rule[3])
+    if number[SEEN] > rule[1] and number[RUN] >= GOES * rule[4]:
+        memory = min(number[SEEN] - rule[1], rule[2])
+        apart, shift = x - figure[NEAR], figure[NEAR] - figure[SLOWER]
+        apart, shift = apart * apart, shift * shift
+        if number[SEEN] > 2 * rule[1]:
+            apart = min(apart, LARGE * figure[APART])
+            shift = min(shift, LARGE * figure[SHIFT])
+        figure[APART] += (apart - figure[APART]) / memory
+        figure[SHIFT] += (shift - figure[SHIFT]) / memory
+    figure[SLOWER] += (x - figure[SLOWER]) / min(number[SEEN], 2 * rule[4])
     figure[NEAR] += (x - figure[NEAR]) / min(number[SEEN], rule[4])
     figure[SLOW] += (figure[NEAR] * figure[NEAR] - figure[SLOW]) / min(number[SEEN], rule[2])
 
@@ -190,6 +207,21 @@ def limit_of(e: float, ahead: float, number: Any, figure: Any, times: float, rul
     if hold <= SURELY * figure[NOISE] or hold < form or not (known or rests):
         return float(np.inf)  # a model that motion has not tried yet is believed at rest alone
     return float(hold + (scale if known else times * figure[NOISE]))
+
+
+@njit(cache=True)
+def leaves(left: float, limit: float, number: Any, figure: Any, times: float, rule: Any) -> int:
+    """The side to which the residual of a motion that goes on has left at once where it was, by
+    more than it ever changes within a window, however far off the model is; 0: it has not, or is
+    back to nothing."""
+    if not limit < np.inf or number[SEEN] <= 2 * rule[2] or number[RUN] < GOES * rule[4]:
+        return 0
+    most = max(times * np.sqrt(figure[APART]), SUDDEN * np.sqrt(figure[SHIFT]))
+    most = max(most, AWAY * np.sqrt(figure[SQUARE]))
+    apart = left - figure[NEAR]
+    if abs(apart) <= most or left * apart < AWAY_YET * apart * apart:
+        return 0
+    return 1 if apart > 0.0 else -1
 
 
 @njit(cache=True)
@@ -337,6 +369,8 @@ def watch(rows: Any, times: float, rule: Any, own: Any, marked: Any) -> None:
                 side = 1 if left > 0.0 else -1
                 if side * (left - base) <= limit:
                     side = 0
+            if side == 0 and left == left and number[SORT] != 0:
+                side = leaves(left, limit, number, figure, times, rule)
             before = (machine[NEXT] - 1) % n
             step = abs(x - ring[RESIDUAL, before, k])
             if step == step and side == 0 and ring[BEYOND, before, k] == 0.0:

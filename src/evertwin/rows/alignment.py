@@ -106,8 +106,10 @@ class Alignment:
         } | {name for one in spec.derive if one.op == "unwrap" for name in one.source}
         # angles that are cut at a turn leap, and an output is judged by the model
         others = {*angles, *(one.column for one in outputs)}
-        moving = [n for n in _moving(operations, inputs) if n in _places(spec) - others]
-        operations = (*(Operation(name, "steady", (name,)) for name in moving), *operations)
+        goes, read = _moving(operations, inputs), [] if dynamic else [n.column for n in inputs]
+        # of a place whose speed is recorded that tells the rest, and its unit late
+        some = [n for n in dict.fromkeys([*goes, *read]) if n and n in _places(spec) - others]
+        operations = (*(Operation(n, "steady", (n,), float(n in goes)) for n in some), *operations)
         columns = _columns(operations, inputs, outputs, feeds)
         operations = _used(operations, [one.column for one in (*inputs, *outputs)])
         held, measured = (
@@ -116,13 +118,11 @@ class Alignment:
         )
         lines = tuple(name for name in columns.inputs if not name.startswith(HELD))
         asked = (name for name in model.inputs.names if is_kept(spec, name))
-        kept = tuple(f"{HELD}{recorded_as(spec, name)}" for name in asked)
-        clock = spec.clock
+        kept, clock = tuple(f"{HELD}{recorded_as(spec, name)}" for name in asked), spec.clock
         known = np.array([one.column is not None for one in outputs], dtype=bool)
         align = Align(
-            held, measured, tuple(feeds), lines, kept,
-            np.inf if clock.gap is None else clock.gap, clock.rate,
-            recorded={n: n.removeprefix(HELD) for n in columns.inputs},
+            held, measured, tuple(feeds), lines, kept, np.inf if clock.gap is None else clock.gap,
+            clock.rate, recorded={n: n.removeprefix(HELD) for n in columns.inputs},
             cut=any(one.op in WIDE for one in operations),
             usual=clock.gap is None and (is_adopted(model, known) or remembers(model)),
         )  # fmt: skip
@@ -130,10 +130,10 @@ class Alignment:
             nanoseconds(edge) if np.isfinite(edge) else int(np.sign(edge)) * 2**62
             for edge in (clock.start, clock.stop)
         )
-        names = (*columns.inputs, *columns.outputs)
         derive = Derive(
-            names, operations, tuple(inputs), tuple(outputs), clock.rate, (span[0], span[1])
-        )
+            (*columns.inputs, *columns.outputs), operations, tuple(inputs), tuple(outputs),
+            clock.rate, (span[0], span[1]), static=not dynamic,
+        )  # fmt: skip
         return cls(align, derive, perceiving, watched(spec))
 
     @cached_property

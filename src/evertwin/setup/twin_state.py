@@ -143,6 +143,8 @@ class Agenda(NamedTuple):
     """Channel that was told last not to be what it was, by a doubt that each window tells anew."""
     undetermined: str = ""
     """Parameters, one a line, of which it was said last that the rows do not determine them."""
+    abnormal: str = ""
+    """What was said last that nothing explains, without its figures."""
     cause: str = ""
     """Cause that a person named: it is tried first at the next tuning."""
     pinned: bool = False

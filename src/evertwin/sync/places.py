@@ -103,7 +103,10 @@ SPREAD, INTERVAL, OUTSIDE, FACTOR, SOUND_BY, LOUDEST = range(6)
 trusted samples [ns]; share of contested samples; suspected factor; how much likelier it is that it
 is over; largest test ratio of the contested samples without verdict."""
 FIGURES = 6
-LOWEST, HIGHEST, BELIEVED, BY, OVER, WAS, LATEST, AHEAD, LEVEL, OVERDONE, SCORES = range(11)
+(
+    LOWEST, HIGHEST, BELIEVED, BY, OVER, WAS, LATEST, AHEAD, LEVEL, OVERDONE, BEYOND_FROM,
+    BEYOND_AT, BEYOND_AGAIN, SCORES,
+) = range(14)  # fmt: skip
 """Memory per input: range of its believed values; the last one; suspected factor, 0: none, and
 how much likelier it is that it is over; while its unit is in question, what it was before, the
 newest value that differs from those before, how far a factor was ahead where that began, the level

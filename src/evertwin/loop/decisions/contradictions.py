@@ -30,7 +30,8 @@ def compared(
 
 
 def told(decision: Decision, setup: Setup) -> bool:
-    """Tells of contradictions that opened or closed. True: one is open, so nothing is asked for."""
+    """Tells of contradictions that opened or closed. True: one is open, or an input is not known:
+    nothing is asked for."""
     state = decision.state
     kinematics, found = setup.kinematics.beat(state.kinematics)
     decision.state = state._replace(kinematics=kinematics)
@@ -40,11 +41,16 @@ def told(decision: Decision, setup: Setup) -> bool:
         decision.say(kind, one.signal, one.reason, evidence)
     first = setup.kinematics.since(kinematics)
     if first < 0:
-        return False
+        return setup.static and _unknown(state.ring)
     _remembered(state.ring, first)
     forget(decision)
     decision.remember(open=0, since=state.row)
     return True
+
+
+def _unknown(rows: Rows) -> bool:
+    newest = rows.u[(rows.end - 1) % len(rows.t)]
+    return rows.end > 0 and not bool(np.isfinite(newest).all())
 
 
 def _remembered(rows: Rows, first: int) -> None:

@@ -354,8 +354,9 @@ class Decide:
             reason = f"version {number} is not better on unseen data: {evidence['sentence']}"
             decision.say("rejected", "", reason, {**evidence, "version": number})
             decision.state = decision.state._replace(other=EMPTY)
-            hold = state.row + self.follow.setup.holdoff
-            decision.remember(phase=WATCH, hold=hold, brief=-1.0)
+            setup = self.follow.setup  # of a state: what it is instead is asked at once
+            hold = in_vain(setup, state) if brief >= 0.0 else {"hold": state.row + setup.holdoff}
+            decision.remember(phase=WATCH, brief=-1.0, **hold)
 
     def _promote(self, decision: Decision, evidence: Mapping[str, Any]) -> None:
         state, shown = decision.state, evidence["sentence"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 from evertwin.fold import Event, Request
 from evertwin.setup.twin_state import TwinState
 
+FIGURE = re.compile(r"[-+]?\d[\d.e+-]*")
 UNDETERMINED = "not_identifiable"
 """Kind of the event of a number that the rows do not determine."""
 
@@ -41,8 +43,16 @@ class Decision:
         self.remember(undetermined="\n".join(sorted(known | {one["signal"] for one in lacks})))
         return [
             one for one in content.get("events", ())
-            if one["kind"] != UNDETERMINED or one["signal"] not in told
+            if (one["kind"] != UNDETERMINED or one["signal"] not in told)
+            and (one["kind"] != "abnormal" or self._is_new(one))
         ]  # fmt: skip
+
+    def _is_new(self, one: Mapping[str, Any]) -> bool:
+        """Is it another thing, but for its figures, than what was said last of this version?"""
+        said = f"{self.state.live.version} {one['signal']} {FIGURE.sub('', one['reason'])}"
+        known = self.state.agenda.abnormal
+        self.remember(abnormal=said)
+        return said != known
 
     def remember(self, **changes: Any) -> None:
         """Changes what is remembered between beats."""

@@ -35,6 +35,8 @@ PARTS = (2, 8, 32)
 """Parts of the rows, the newest of which are tried as those of the machine as it is now."""
 LEFT = 0.5
 """Part of what the next best cause leaves that a state leaves at most."""
+ALL = 0.9
+"""Share that a state explains at least which is less than was described."""
 BRIEF, SEGMENTS = 3.0, 3
 """Unseen time [s] and segments at least that a state is tried on: it was expected to come."""
 PATIENCE = 3
@@ -91,9 +93,17 @@ class States:
             if read > there:  # one sensor that reads otherwise explains more: no load does that
                 continue
             found = self.known(name, now, gone=gone > there - Rule().part)
-            if found is not None:
+            if found is not None and (there >= ALL or not self._is_less(name, found)):
                 return found
         return None
+
+    def _is_less(self, name: str, found: Stated) -> bool:
+        """Is it less than the machine as it was described? Only then is it a description, a law of
+        friction, that may be wrong instead: it has to leave next to nothing."""
+        number = self.setup.spec.tuning.states[name].number
+        at_rest = self.setup.model.parameters[number].value
+        passive = any(compatible(found.problem.parameters[number].unit, one) for one in PASSIVE)
+        return passive and found.values[number] < at_rest
 
     def known(self, name: str, windows: Windows, *, gone: bool = False) -> Stated | None:
         """A state with its numbers by these rows; None: they do not tell that it is another."""
@@ -260,8 +270,11 @@ def tried(
     >>> setup = Setup(spec, model_of(spec, None))
     >>> [tried(setup, {"segments": n, "gain": 0.9}, 0.5) for n in (2, 3)]
     [None, 'promote']
+    >>> [tried(setup, {"segments": n, "gain": gain}, 0.5) for n, gain in ((3, -0.1), (3, 0.1))]
+    ['reject', None]
     """
     least = max(SEGMENTS, math.ceil(BRIEF / setup.trial.horizon - 1e-9))
     if evidence["segments"] >= least and evidence["gain"] >= gain:
         return "promote"
-    return "reject" if evidence["segments"] >= PATIENCE * least else None
+    patience = 1 if evidence["gain"] < 0.0 else PATIENCE  # it does harm: something else it is
+    return "reject" if evidence["segments"] >= patience * least else None

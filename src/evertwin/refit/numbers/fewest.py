@@ -31,6 +31,8 @@ MANY = 4
 """Numbers up to which each is tried alone: with more the answer comes late, a fit for each."""
 EITHER = 2.0
 """So many times as far a number that may lie below zero moves: a bias is rarer than wear."""
+PART, MOSTLY = 0.25, 0.5
+"""Part of the square that is asked, and of it what a fit leaves of an output that changed."""
 LITTLE = 0.05
 """Share of what is explained that counts as nothing: what all else leaves is the same for all."""
 
@@ -103,11 +105,14 @@ def _chosen(
 
 
 def _of_what_changed(setup: Setup, problem: Problem, fit: Fit, tune: Tune) -> tuple[Problem, Fit]:
-    """Tuned without the numbers that act on no output which is off by more than is asked."""
+    """Tuned without the numbers that act on no output which is off by more than is asked, or by
+    half as much and mostly so by what is tuned: the second joint that wears is not told later."""
     start = np.where(problem.rows.used, residual(problem, problem.start), np.nan)
     slack = max(setup.enough / len(start), 1.0)  # few rows tell less of how far off an output is
     limit = slack * np.square(setup.requirement * setup.sizes(problem.rows.y))
-    changed = mean_square(start, 0.0) > limit
+    off, left = (mean_square(one, 0.0) for one in (start, np.where(
+        problem.rows.used, residual(problem, fit.values), np.nan)))  # fmt: skip
+    changed = (off > limit) | ((off > PART * limit) & (left < MOSTLY * off))
     acts = np.asarray(problem.sensitivity(fit.values).acts[changed].any(axis=0))
     if not acts.any() or acts.all():
         return problem, fit

@@ -71,7 +71,8 @@ SAYS = {
     ),
     loop.SCALED: (
         "measurement_error",
-        "place and speed are {:.3g} times what they were one row before, as in another unit",
+        "place and speed are {:.3g} times what they were one row before, as in another unit; "
+        "nothing is learned from it",
     ),
 }
 """Kind and reason of an event."""
@@ -91,7 +92,8 @@ class Operation:
     source: tuple[str, ...]
     """Columns that it is computed from, recorded or computed before."""
     value: float = 1.0
-    """Factor of ``scale``, seconds of ``slope`` and of ``lag``, a first-order low pass."""
+    """Factor of ``scale``; 0: of ``steady`` only the unit; seconds of ``slope`` and of ``lag``, a
+    first-order low pass."""
     low_pass: Symmetric | None = None
     """Of ``filter``."""
 
@@ -147,6 +149,8 @@ class Derive:
     """Rows per second on a uniform grid; None: as they come."""
     span: tuple[int, int] = field(default=(-FOREVER, FOREVER))
     """First and last stamp that stay, from the start of their task [ns]."""
+    static: bool = False
+    """Are inputs taken as they are, by no state? One in another unit is not known then."""
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -222,7 +226,7 @@ class Derive:
             np.array([one.value for one in self.operations], dtype=np.float64),
             np.array(ahead, dtype=np.int64), np.array(start, dtype=np.int64),
             np.concatenate(weights), np.array(table, dtype=np.int64).reshape(-1, 2),
-            np.array([*self.span, edge], dtype=np.int64),
+            np.array([*self.span, edge, self.static], dtype=np.int64),
         )  # fmt: skip
 
     def _place(self, one: Taken) -> int:
@@ -243,7 +247,7 @@ class Derive:
             np.zeros((depth, wide), np.uint8),
         )  # fmt: skip
         memory = loop.Memory(
-            np.zeros(wide, np.int64), np.zeros((len(self.operations), 6)),
+            np.zeros(wide, np.int64), np.zeros((len(self.operations), 10)),
             np.full(len(self.inputs) + len(self.outputs), np.nan),
         )  # fmt: skip
         return DeriveState(counters, ring, memory)

@@ -13,7 +13,8 @@ import numpy as np
 
 from evertwin.compiled.functions import njit
 from evertwin.sync.alignment.running_loop import lagging, unwrapped
-from evertwin.sync.alignment.steady_loop import BACK, LEAPT, RESCALED, steadily
+from evertwin.sync.alignment.smooth_loop import filtered, slope
+from evertwin.sync.alignment.steady_loop import BACK, LEAPT, OTHER, RESCALED, steadily
 from evertwin.sync.horizon.horizon_loop import wrapped
 from evertwin.types import (
     Bools,
@@ -65,9 +66,9 @@ class Program(NamedTuple):
     weights: Vector
     table: Int64[np.ndarray, "channels two"]
     """Column of each input, then each output (−1: nothing measures it), and how it comes there."""
-    limits: Int64[np.ndarray, " three"]
+    limits: Int64[np.ndarray, " four"]
     """First and last stamp from a task's start [ns]; rows at an end of a stretch that no output may
-    be compared at."""
+    be compared at; 1: an input in another unit is not known, else it is taken as what it may be."""
 
 
 class Lines(NamedTuple):
@@ -140,44 +141,6 @@ def difference(ring: Lines, base: int, c: int, j: int, n: int) -> float:
     rise, fall = left * left * high, right * right * low
     middle = (right * right - left * left) * here
     return float((rise - fall + middle) / (left * right * (left + right)))
-
-
-@njit(cache=True, error_model="numpy")
-def slope(ring: Lines, base: int, c: int, j: int, n: int, weights: Vector, h: int) -> float:
-    """Derivative of the polynomial over the window around row j, whole windows alone."""
-    depth, size = ring.t.shape[0], 2 * h + 1
-    if n < size:
-        return np.nan
-    first = min(max(j - h, 0), n - size)
-    place = j - first
-    total = 0.0
-    for k in range(size):
-        value = ring.v[(base + first + k) % depth, c]
-        if place <= h:
-            total += weights[place * size + k] * value
-        else:
-            total -= weights[(size - 1 - place) * size + size - 1 - k] * value
-    return total
-
-
-@njit(cache=True, error_model="numpy")
-def filtered(ring: Lines, base: int, c: int, j: int, n: int, weights: Vector, h: int) -> float:
-    """Symmetric filter at row j; beyond an end the stretch goes on as its point reflection."""
-    depth = ring.t.shape[0]
-    first, last = ring.v[base % depth, c], ring.v[(base + n - 1) % depth, c]
-    total = weights[0] * ring.v[(base + j) % depth, c]
-    for k in range(1, h + 1):
-        low, high = j - k, j + k
-        if low >= 0:
-            before = ring.v[(base + low) % depth, c]
-        else:
-            before = 2.0 * first - ring.v[(base + min(-low, n - 1)) % depth, c]
-        if high < n:
-            after = ring.v[(base + high) % depth, c]
-        else:
-            after = 2.0 * last - ring.v[(base + max(2 * (n - 1) - high, 0)) % depth, c]
-        total += weights[k] * (before + after)
-    return float(total)
 
 
 @njit(cache=True, error_model="numpy")
@@ -256,7 +219,8 @@ def compute(program: Program, ring: Lines, memory: Memory, base: int, n: int, cl
             at, level = (base + j) % depth, OK
             count = n if closed else there
             if code == STEADY:
-                value, level = steadily(ring, base, sources[0], raw + k, j, count, memory.sums[k])
+                only, sums = program.value[k] == 0.0, memory.sums[k]
+                value, level = steadily(ring, base, sources[0], raw + k, j, count, sums, only)
             elif code == DERIVATIVE:
                 value = difference(ring, base, sources[0], j, count)
             elif code == SLOPE:
@@ -277,7 +241,8 @@ def compute(program: Program, ring: Lines, memory: Memory, base: int, n: int, cl
                 value = pointwise(ring, at, code, sources, program.value[k])
             for c in sources:
                 if c >= 0:
-                    level = max(level, min(ring.mark[at, c], ERROR))
+                    mark = ring.mark[at, c]
+                    level = max(level, OTHER if mark >= RESCALED else min(mark, ERROR))
             if code == FILTER and level == UNSEEN:
                 level = HELD  # it was measured around the hole
             elif code in (DERIVATIVE, SLOPE):
@@ -315,6 +280,9 @@ def emit(program: Program, ring: Lines, memory: Memory, counters: Counters, room
                 value, level = np.nan, max(level, ABSENT)
             room.y[at, k - nu], room.mark[at, k] = value, level
             continue
+        if level >= RESCALED and program.limits[3] != 0:
+            room.u[at, k], room.mark[at, k] = np.nan, ERROR
+            continue
         if level == UNSEEN and c < raw:
             level = HELD  # a value on a line will do, a slope of it will not
         if value != value and memory.newest[k] == memory.newest[k]:
@@ -326,9 +294,11 @@ def emit(program: Program, ring: Lines, memory: Memory, counters: Counters, room
         if program.code[k] == STEADY:
             now = ring.mark[place, raw + k]
             was = before >= 0 and ring.mark[before, raw + k] == ERROR
-            if now >= LEAPT:
+            if LEAPT <= now <= RESCALED:
                 room.wrong[at, k] = LEAPS + now - LEAPT
-                room.times[at, k] = ring.v[place, raw + k] / ring.v[before, raw + k]
+                own, source = ring.v[place, raw + k], ring.v[place, program.sources[k, 0]]
+                undone = source / own if now == RESCALED else 1.0
+                room.times[at, k] = undone if undone != 1.0 else own / ring.v[before, raw + k]
             elif was != (now == ERROR):
                 room.wrong[at, k] = ENDS if was else BEGINS
     stamp = ring.t[place]
@@ -387,7 +357,9 @@ def advance(
             counters[TASK], counters[ORIGIN], counters[BEGUN] = task[i], lines.t[i], 0
             memory.newest[:] = np.nan
             for k in range(program.code.shape[0]):
-                if program.code[k] != STEADY:  # how fast it goes, it does in any task
+                if program.code[k] == STEADY:  # how fast it goes, it does in any task
+                    memory.sums[k, 2:6] = 0.0
+                else:
                     memory.sums[k] = 0.0
         place = (counters[BASE] + counters[COUNT]) % depth
         ring.t[place], ring.dt[place] = lines.t[i], lines.dt[i]

@@ -3,7 +3,8 @@
 What it does from one row to the next is compared with the fastest that it ever did. Rows that leave
 it far faster and come back as fast are wrong: they are taken from their neighbours. Where it goes
 on from there as it ever went, its zero moved; where it stood still before, and moves at once, it
-was frozen, and is back; where place and speed are so many times what they were, its unit changed.
+was frozen, and is back; where place and speed are so many times what they were, its unit changed: a
+number that divides two units is undone, and the row known as such, until it is back.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from evertwin.compiled.functions import njit
+from evertwin.signals import mistaken
 from evertwin.types import Vector
 
 if TYPE_CHECKING:
@@ -21,16 +23,51 @@ if TYPE_CHECKING:
 KNOWN, FAR, NEAR, LONGEST = 50, 4.0, 1.5, 3
 """Of what goes steadily: rows at which it moved before it is known how fast it does, times of that
 from which a step is none of its own, times within which it is back, and rows that may be wrong."""
-LEAPT, BACK, RESCALED = 7, 8, 9
+LEAPT, BACK, RESCALED, OTHER = 7, 8, 9, 10
 """Mark of a row up to which what goes steadily leapt; at which it is back; from which on it is in
-another unit."""
-TWICE, EXACT, CLEARLY, SLOW = 2.0, 0.1, 0.3, 0.02
+another unit, and of the rows since."""
+TWICE, EXACT, CLEARLY, SLOW, MOST, WENT, NEARER = 2.0, 0.1, 0.3, 0.02, 0.5, 5.0, 0.7
 """Times that two units differ at least; share by which what is back is; part of the fastest speed,
 and of the change of speed that a moved zero leaves, that another unit leaves at most; part of the
-fastest below which it stands."""
+fastest below which it stands; of where it ever was, what it goes over once it is back; times the
+way of a row at its fastest that it went to and fro at least before a unit is told; and part of how
+far its speed is from what it was that another unit leaves at most."""
+AGAIN = 10.0
+"""Seconds for which what was so many times as large is no more so once it is back."""
 DEGREES, SAME = 57.29577951308232, 1e-3
 """Of a radian, and the share by which a place is known."""
+UNITS = np.array([
+    one.number for one in mistaken.FACTORS
+    if not one.units or {"m", "rad"} & set(one.units)
+])  # fmt: skip
+"""Numbers that divide two units of a place."""
 OK, ERROR = 0, 6
+
+
+@njit(cache=True, error_model="numpy")
+def of_units(number: float) -> float:
+    """The number of two units that it is; 1: of none."""
+    found, least = 1.0, EXACT
+    for one in UNITS:
+        for known in (one, 1.0 / one):
+            off = abs(number / known - 1.0)
+            if off < least:
+                found, least = known, off
+    return found
+
+
+@njit(cache=True, error_model="numpy")
+def in_units(value: float, expected: float, came: float, goes: float, way: float) -> float:
+    """The number of two units between a place and what was ``expected`` of it, that its speed says
+    too, or that is exact; 0: there is none. ``way``: of a row, as far as it may be from there."""
+    found, least = 0.0, 0.5
+    for one in UNITS:
+        for known in (one, 1.0 / one):
+            off = abs(value / known - expected) / way
+            nearer = abs(goes - known * came) < NEARER * abs(goes - came)
+            if off < least and (nearer or off < SLOW):
+                found, least = known, off
+    return found
 
 
 @njit(cache=True, error_model="numpy")
@@ -91,6 +128,8 @@ def rescaled(
     """
     depth, (fastest, since) = ring.t.shape[0], known
     before, first, end = (at - 1) % depth, (at - 1 - LONGEST) % depth, (at + LONGEST) % depth
+    if since != 0.0:  # compared as recorded
+        own, last = c, ring.v[before, c]
     away = abs(speed(ring, before, last, at, ring.v[at, c]))
     if 0.0 < abs(since) < 1.0 and away > FAR * abs(since) * fastest:
         return 1.0 / since
@@ -98,42 +137,74 @@ def rescaled(
         return 0.0
     came = speed(ring, first, ring.v[first, own], before, ring.v[before, own])
     goes = speed(ring, at, ring.v[at, c], end, ring.v[end, c])
-    number = ring.v[at, c] / (last + came * (ring.t[at] - ring.t[before]) * 1e-9)
-    if since != 0.0:
-        return number if abs(number * since - 1.0) < EXACT else 0.0
+    passed = (ring.t[at] - ring.t[before]) * 1e-9
+    number = ring.v[at, c] / (last + came * passed)
+    if since != 0.0:  # what crosses zero may be any number of times what it was
+        slow = abs(since) <= 1.0 or abs(goes) <= NEAR * fastest
+        return number if slow and abs(number * since - 1.0) < EXACT else 0.0
     if abs(came) + abs(goes) <= SLOW * fastest:  # of what stands the place has to say it all
         unit = min(abs(number * DEGREES - 1.0), abs(number / DEGREES - 1.0)) < SAME
         return number if unit else 0.0
+    named = in_units(ring.v[at, c], ring.v[at, c] / number, came, goes, passed * fastest)
+    if named != 0.0:
+        return float(named)
     off = abs(goes - number * came)
     near = off <= CLEARLY * min(abs(number) * fastest, abs(goes - came))
     return number if near and not 1.0 / TWICE < number < TWICE else 0.0
 
 
 @njit(cache=True, error_model="numpy")
+def is_its_own(ring: Lines, at: int, c: int, sums: Vector) -> bool:
+    """Did what is larger than it was go over most of where it ever was, as recorded, no faster than
+    ever? Where place and noise are alike, its return is no leap."""
+    if not abs(sums[5]) > 1.0:
+        return False
+    before, value = (at - 1) % ring.t.shape[0], ring.v[at, c]
+    went = abs(speed(ring, before, ring.v[before, c], at, value))
+    if went > NEAR * sums[1] or not sums[6] <= value <= sums[7]:
+        sums[4], sums[8], sums[9] = 0.0, value, value
+    sums[4] += (ring.t[at] - ring.t[before]) * 1e-9
+    sums[8], sums[9] = min(sums[8], value), max(sums[9], value)
+    return bool(sums[4] >= AGAIN and sums[9] - sums[8] >= MOST * (sums[7] - sums[6]))
+
+
+@njit(cache=True, error_model="numpy")
 def steadily(
-    ring: Lines, base: int, c: int, own: int, j: int, n: int, sums: Vector
+    ring: Lines, base: int, c: int, own: int, j: int, n: int, sums: Vector, only: bool
 ) -> tuple[float, int]:
     """What goes steadily at row j of n, and its mark: `ERROR` where it is taken from its
-    neighbours; column ``own`` has what was told of the rows before."""
+    neighbours; column ``own`` has what was told of the rows before.
+
+    ``sums``: rows at which it moved, the fastest, rows that are wrong yet, what its zero moved by,
+    for how long it stands, or is no larger than it was, how many times it is what it was; lowest
+    and highest place, and those since it last was beyond them, or went faster than ever.
+    ``only``: its unit is looked at, and nothing else, as a recorded speed tells the rest.
+    """
     depth = ring.t.shape[0]
     at, before = (base + j) % depth, (base + j - 1) % depth
     value = ring.v[at, c]
     if j == 0:
-        sums[2:6] = 0.0
-        return value, OK
+        sums[2:5], sums[8], sums[9] = 0.0, value, value
+        undone = of_units(sums[5]) if sums[5] != 0.0 else 1.0
+        return value / undone, OTHER if undone != 1.0 else OK
     last, passed = ring.v[before, own] + sums[3], (ring.t[at] - ring.t[before]) * 1e-9
     if sums[2] == 0.0 and sums[0] >= KNOWN:
         rows = 0
         if sums[5] == 0.0:
             rows = astray(ring, at, c, last, n - j, sums[1])
-        if rows <= 0 and LONGEST < j < n - LONGEST:
+        went = sums[7] - sums[6] >= WENT * sums[1] * passed
+        if rows <= 0 and LONGEST < j < n - LONGEST and (went or sums[5] != 0.0):
             number = rescaled(ring, at, c, own, last, (sums[1], sums[5]))
-            if number != 0.0:
+            if number != 0.0 or is_its_own(ring, at, c, sums):
                 mark = RESCALED if sums[5] == 0.0 else BACK
                 sums[3], sums[5] = 0.0, number if mark == RESCALED else 0.0
-                return value, mark
+                sums[4], sums[8], sums[9] = 0.0, value, value
+                return value / (of_units(number) if mark == RESCALED else 1.0), mark
         if sums[5] != 0.0:
-            return value, OK  # the twin asks what it is
+            undone = of_units(sums[5])
+            return value / undone, OTHER if undone != 1.0 else OK  # else the twin asks what it is
+        if only:
+            rows = 0
         most = NEAR * sums[1] * (sums[4] + passed)
         if rows < 0 and sums[4] > 0.0 and thaws(ring, at, c, value - last, most):
             sums[4] = 0.0
@@ -153,5 +224,8 @@ def steadily(
     sums[4] = sums[4] + passed if went == 0.0 else 0.0
     if went > 0.0 and went < np.inf:
         sums[1] = max(sums[1], went if sums[0] < KNOWN else min(went, 2.0 * sums[1]))
+        goes = value - sums[3]
+        sums[6] = min(sums[6], goes) if sums[0] > 0.0 else goes
+        sums[7] = max(sums[7], goes) if sums[0] > 0.0 else goes
         sums[0] += 1.0
     return value - sums[3], OK

@@ -47,6 +47,8 @@ OVER = 8.0
 LARGE, NEARLY = 10.0, 0.07
 """Factor from which on, and how near below it, an input has to fall to where it was, for that to be
 over at once."""
+TIMES, LONGEST_TIME = 10.0, 1e10
+"""Times as long as values came that cannot be they have to stay away, and the most of it [ns]."""
 BETTER = 0.1
 """Share of the squared test ratio that remains where the last believed value explains a row."""
 ERROR = int(Mark.ERROR)
@@ -228,14 +230,25 @@ def doubt(work: Workspace, i: int, now: Any) -> None:
 @njit(**HOT)
 def refuse_impossible(work: Workspace, i: int, now: Any) -> None:
     """Inputs beyond what is physically possible did not reach the machine: they stay as they
-    were, of a model with a state, once one was believed; else they are not known."""
+    were, of a model with a state, once one was believed; else they are not known. What comes again
+    soon is believed again once it has stayed away for some times as long."""
     (inputs, counts), u, limits = work.known, work.out.u, work.possible
     keeps = work.case.x.shape[0] > 0
     for k in range(u.shape[1]):
         value = u[i, k]
-        if limits[k, 0] <= value <= limits[k, 1] or not np.isfinite(value):
+        if not np.isfinite(value):
             continue
+        last, again = inputs[k, at.BEYOND_AT], inputs[k, at.BEYOND_AGAIN] > 0.0
+        lately = now[1] - last < min(TIMES * (last - inputs[k, at.BEYOND_FROM]), LONGEST_TIME)
+        if limits[k, 0] <= value <= limits[k, 1]:
+            if keeps or counts[k, at.DOUBTED] == 0 or not (again and lately):
+                continue
+        else:
+            inputs[k, at.BEYOND_AT] = now[1]
         if counts[k, at.DOUBTED] == 0:
+            inputs[k, at.BEYOND_AGAIN] = 1.0 if lately else 0.0
+            if not lately:
+                inputs[k, at.BEYOND_FROM] = now[1]
             counts[k, at.DOUBT_ROW], counts[k, at.SAID] = now[0], 1
             note_input(work, k, FOUND_INPUT, value, now)
             found, detail, extent = work.case.notes
