@@ -339,7 +339,7 @@ def test_an_answer_without_candidate_is_waited_after() -> None:
 
 @pytest.mark.parametrize(
     ("kind", "before", "windows", "after"),
-    [("abnormal", 0, 0, 1), ("abnormal", 1, 1, 2), ("abnormal", 3, 7, 3), ("noise", 3, 0, 0)],
+    [("abnormal", 0, 0, 1), ("abnormal", 1, 1, 2), ("abnormal", 2, 3, 2), ("noise", 2, 0, 0)],
 )
 def test_a_form_that_stays_wrong_is_asked_about_ever_more_rarely(
     kind: str, before: int, windows: int, after: int
