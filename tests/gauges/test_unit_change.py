@@ -139,15 +139,10 @@ def moved(x: Any, u: Any, dt: float, p: Any) -> tuple[Any, Any]:
     return x, [p[0] * u[1] + p[1] * u[0] + p[2] * np.sign(u[0])]
 
 
-@pytest.mark.parametrize(
-    ("factor", "said"),
-    [(0.1, "position looks 0.1 times what it is"), (-1.0, "the sign of position, or of force,")],
-)
-def test_a_position_that_was_read_otherwise_is_named_though_only_derivatives_are_used(
-    factor: float, said: str
-) -> None:
+def pushed_axis(factor: float, *, apart: bool) -> tuple[RunResult, int]:
     """An axis: force of speed and acceleration, both derived; its position from the middle on in
-    another unit, or turned. With every number ten times as large the force would be the same."""
+    another unit, or turned. With every number ten times as large the force would be the same.
+    ``apart``: that begins between two recordings."""
     rng, rate = np.random.default_rng(3), 50.0
     moves, x = list[np.ndarray](), 0.0
     for target, duration in zip(rng.uniform(-0.4, 0.4, 90), rng.uniform(0.6, 2.0, 90), strict=True):
@@ -182,11 +177,36 @@ def test_a_position_that_was_read_otherwise_is_named_though_only_derivatives_are
         beat=Span(100),
     )  # fmt: skip
     noisy = force + 0.3 * rng.normal(size=len(t))
+    half, columns = len(t) // 2, {"t": t, "position": position, "force": noisy}
+    parts = (slice(half), slice(half, None)) if apart else (slice(None),)
     with Twin(spec, model) as twin:
-        result = twin.run({"t": t, "position": position, "force": noisy})
-    told = [e for e in result.of_kind("abnormal") if e.signal == "position"]
+        return twin.run(
+            [{name: one[part] for name, one in columns.items()} for part in parts]
+        ), half
+
+
+@pytest.mark.parametrize("factor", [0.1, -1.0])
+def test_a_position_that_is_read_otherwise_is_told_at_its_row(factor: float) -> None:
+    result, half = pushed_axis(factor, apart=False)
+    (told,) = [e for e in result.of_kind("measurement_error") if e.signal == "position"]
+    assert told.row == half and f"are {factor:g} times what they were" in told.reason
+    assert not result.of_kind("promoted") and not result.of_kind("external")
+
+
+@pytest.mark.parametrize(
+    ("factor", "signal", "said"),
+    [
+        (0.1, "position", "position looks 0.1 times what it is"),
+        (-1.0, "force", "as a turned sign would make it"),
+    ],
+)
+def test_a_position_that_was_read_otherwise_is_named_though_only_derivatives_are_used(
+    factor: float, signal: str, said: str
+) -> None:
+    result, half = pushed_axis(factor, apart=True)
+    told = [e for e in result.of_kind("abnormal") if e.signal == signal]
     assert told and said in told[0].reason and not result.of_kind("promoted")
-    assert t[told[0].row] < t[len(t) // 2] + 30.0
+    assert told[0].row < half + 1500
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -9,6 +9,7 @@ machine is learned all the same, for of its own record nothing says otherwise.
 from __future__ import annotations
 
 import math
+from itertools import permutations
 
 import numpy as np
 
@@ -17,8 +18,10 @@ from evertwin.gauges.rows.gauge_rows import LEAST, Rows, unchanged
 from evertwin.gauges.rows.sensor_change import since_change, unmeasured
 from evertwin.gauges.shifts.off_by import left_with
 from evertwin.ledger.caveats import MORE, SAME
-from evertwin.rows.channels import courses, measured
+from evertwin.rows.channels import measured
+from evertwin.signals import Layout
 from evertwin.signals.spoken import MANY, share
+from evertwin.signals.units import compatible
 from evertwin.types import Bools, Outputs
 
 STEPS = 4
@@ -46,10 +49,9 @@ def alike_inputs(rows: Rows) -> str:
     setup, model = rows.setup, rows.setup.model
     if not rows.problem.windows:
         return ""
-    static = not len(model.states)
-    chained = {k for one in courses(model.inputs) if one[1:] for k in one} if static else set[int]()
+    beside = set[int]() if len(model.states) else _beside_their_rates(model.inputs)
     alone = [columns[0] for columns, _ in measured(setup.spec, model.inputs).values()
-             if not columns[1:] and columns[0] not in chained]  # fmt: skip
+             if not columns[1:] and columns[0] not in beside]  # fmt: skip
     tried = [(k, scaled) for k in sorted(alone) for scaled in (True, False)]
     found = [one for k in tried for one in (_off(rows, *k),) if one is not None]
     if not found:
@@ -59,6 +61,16 @@ def alike_inputs(rows: Rows) -> str:
     if min(tuned for _, tuned, _ in found) > CLEARLY * least:
         return f"; a meter of {said} {MORE}"
     return f"; a meter of {said} {SAME}"
+
+
+def _beside_their_rates(inputs: Layout) -> set[int]:
+    """Columns of places, speeds and the like whose rate is an input too, and of these."""
+    pairs = permutations(range(len(inputs)), 2)
+    return {k for pair in pairs if _is_rate(*(inputs.units[k] for k in pair)) for k in pair}
+
+
+def _is_rate(of: str, unit: str) -> bool:
+    return compatible(f"({of})/s", unit)
 
 
 def _off(rows: Rows, k: int, scaled: bool) -> tuple[float, float, str] | None:
