@@ -156,12 +156,13 @@ def rescaled(
 @njit(cache=True, error_model="numpy")
 def is_its_own(ring: Lines, at: int, c: int, sums: Vector) -> bool:
     """Did what is larger than it was go over most of where it ever was, as recorded, no faster than
-    ever? Where place and noise are alike, its return is no leap."""
+    ever, and not far beyond? Where place and noise are alike, its return is no leap."""
     if not abs(sums[5]) > 1.0:
         return False
     before, value = (at - 1) % ring.t.shape[0], ring.v[at, c]
     went = abs(speed(ring, before, ring.v[before, c], at, value))
-    if went > NEAR * sums[1] or not sums[6] <= value <= sums[7]:
+    beyond = MOST * (sums[7] - sums[6])
+    if went > NEAR * sums[1] or not sums[6] - beyond <= value <= sums[7] + beyond:
         sums[4], sums[8], sums[9] = 0.0, value, value
     sums[4] += (ring.t[at] - ring.t[before]) * 1e-9
     sums[8], sums[9] = min(sums[8], value), max(sums[9], value)
