@@ -14,7 +14,15 @@ import numpy as np
 from evertwin.compiled.functions import njit
 from evertwin.sync.alignment.running_loop import lagging, unwrapped
 from evertwin.sync.alignment.smooth_loop import filtered, slope
-from evertwin.sync.alignment.steady_loop import BACK, LEAPT, OTHER, RESCALED, steadily
+from evertwin.sync.alignment.steady_loop import (
+    BACK,
+    LEAPT,
+    NUMBER,
+    OTHER,
+    RESCALED,
+    WRONG,
+    steadily,
+)
 from evertwin.sync.horizon.horizon_loop import wrapped
 from evertwin.types import (
     Bools,
@@ -358,7 +366,7 @@ def advance(
             memory.newest[:] = np.nan
             for k in range(program.code.shape[0]):
                 if program.code[k] == STEADY:  # how fast it goes, it does in any task
-                    memory.sums[k, 2:6] = 0.0
+                    memory.sums[k, WRONG : NUMBER + 1] = 0.0
                 else:
                     memory.sums[k] = 0.0
         place = (counters[BASE] + counters[COUNT]) % depth

@@ -32,6 +32,10 @@ and of the change of speed that a moved zero leaves, that another unit leaves at
 fastest below which it stands; of where it ever was, what it goes over once it is back; times the
 way of a row at its fastest that it went to and fro at least before a unit is told; and part of how
 far its speed is from what it was that another unit leaves at most."""
+MOVED, FASTEST, WRONG, ZERO, FOR, NUMBER, LOWEST, HIGHEST, LOW, HIGH = range(10)
+"""Places of ``sums``: rows at which it moved, the fastest, rows that are wrong yet, what its zero
+moved by, for how long it stands or is no larger than it was, how many times it is what it was;
+lowest and highest place, and those since it last was beyond them or went faster than ever."""
 AGAIN = 10.0
 """Seconds for which what was so many times as large is no more so once it is back."""
 DEGREES, SAME = 57.29577951308232, 1e-3
@@ -157,16 +161,18 @@ def rescaled(
 def is_its_own(ring: Lines, at: int, c: int, sums: Vector) -> bool:
     """Did what is larger than it was go over most of where it ever was, as recorded, no faster than
     ever, and not far beyond? Where place and noise are alike, its return is no leap."""
-    if not abs(sums[5]) > 1.0:
+    if not abs(sums[NUMBER]) > 1.0:
         return False
     before, value = (at - 1) % ring.t.shape[0], ring.v[at, c]
     went = abs(speed(ring, before, ring.v[before, c], at, value))
-    beyond = MOST * (sums[7] - sums[6])
-    if went > NEAR * sums[1] or not sums[6] - beyond <= value <= sums[7] + beyond:
-        sums[4], sums[8], sums[9] = 0.0, value, value
-    sums[4] += (ring.t[at] - ring.t[before]) * 1e-9
-    sums[8], sums[9] = min(sums[8], value), max(sums[9], value)
-    return bool(sums[4] >= AGAIN and sums[9] - sums[8] >= MOST * (sums[7] - sums[6]))
+    beyond = MOST * (sums[HIGHEST] - sums[LOWEST])
+    if went > NEAR * sums[FASTEST] or not sums[LOWEST] - beyond <= value <= sums[HIGHEST] + beyond:
+        sums[FOR], sums[LOW], sums[HIGH] = 0.0, value, value
+    sums[FOR] += (ring.t[at] - ring.t[before]) * 1e-9
+    sums[LOW], sums[HIGH] = min(sums[LOW], value), max(sums[HIGH], value)
+    return bool(
+        sums[FOR] >= AGAIN and sums[HIGH] - sums[LOW] >= MOST * (sums[HIGHEST] - sums[LOWEST])
+    )
 
 
 @njit(cache=True, error_model="numpy")
@@ -176,57 +182,56 @@ def steadily(
     """What goes steadily at row j of n, and its mark: `ERROR` where it is taken from its
     neighbours; column ``own`` has what was told of the rows before.
 
-    ``sums``: rows at which it moved, the fastest, rows that are wrong yet, what its zero moved by,
-    for how long it stands, or is no larger than it was, how many times it is what it was; lowest
-    and highest place, and those since it last was beyond them, or went faster than ever.
     ``only``: its unit is looked at, and nothing else, as a recorded speed tells the rest.
     """
     depth = ring.t.shape[0]
     at, before = (base + j) % depth, (base + j - 1) % depth
     value = ring.v[at, c]
     if j == 0:
-        sums[2:5], sums[8], sums[9] = 0.0, value, value
-        undone = of_units(sums[5]) if sums[5] != 0.0 else 1.0
+        sums[WRONG : FOR + 1], sums[LOW], sums[HIGH] = 0.0, value, value
+        undone = of_units(sums[NUMBER]) if sums[NUMBER] != 0.0 else 1.0
         return value / undone, OTHER if undone != 1.0 else OK
-    last, passed = ring.v[before, own] + sums[3], (ring.t[at] - ring.t[before]) * 1e-9
-    if sums[2] == 0.0 and sums[0] >= KNOWN:
+    last, passed = ring.v[before, own] + sums[ZERO], (ring.t[at] - ring.t[before]) * 1e-9
+    if sums[WRONG] == 0.0 and sums[MOVED] >= KNOWN:
         rows = 0
-        if sums[5] == 0.0:
-            rows = astray(ring, at, c, last, n - j, sums[1])
-        went = sums[7] - sums[6] >= WENT * sums[1] * passed
-        if rows <= 0 and LONGEST < j < n - LONGEST and (went or sums[5] != 0.0):
-            number = rescaled(ring, at, c, own, last, (sums[1], sums[5]))
+        if sums[NUMBER] == 0.0:
+            rows = astray(ring, at, c, last, n - j, sums[FASTEST])
+        went = sums[HIGHEST] - sums[LOWEST] >= WENT * sums[FASTEST] * passed
+        if rows <= 0 and LONGEST < j < n - LONGEST and (went or sums[NUMBER] != 0.0):
+            number = rescaled(ring, at, c, own, last, (sums[FASTEST], sums[NUMBER]))
             if number != 0.0 or is_its_own(ring, at, c, sums):
-                mark = RESCALED if sums[5] == 0.0 else BACK
-                sums[3], sums[5] = 0.0, number if mark == RESCALED else 0.0
-                sums[4], sums[8], sums[9] = 0.0, value, value
+                mark = RESCALED if sums[NUMBER] == 0.0 else BACK
+                sums[ZERO], sums[NUMBER] = 0.0, number if mark == RESCALED else 0.0
+                sums[FOR], sums[LOW], sums[HIGH] = 0.0, value, value
                 return value / (of_units(number) if mark == RESCALED else 1.0), mark
-        if sums[5] != 0.0:
-            undone = of_units(sums[5])
+        if sums[NUMBER] != 0.0:
+            undone = of_units(sums[NUMBER])
             return value / undone, OTHER if undone != 1.0 else OK  # else the twin asks what it is
         if only:
             rows = 0
-        most = NEAR * sums[1] * (sums[4] + passed)
-        if rows < 0 and sums[4] > 0.0 and thaws(ring, at, c, value - last, most):
-            sums[4] = 0.0
-            return value - sums[3], BACK
+        most = NEAR * sums[FASTEST] * (sums[FOR] + passed)
+        if rows < 0 and sums[FOR] > 0.0 and thaws(ring, at, c, value - last, most):
+            sums[FOR] = 0.0
+            return value - sums[ZERO], BACK
         if rows < 0:
             behind = (at + 1) % depth
             went = last + speed(ring, at, value, behind, ring.v[behind, c]) * passed
-            sums[3] += value - went
-            return value - sums[3], LEAPT
-        sums[2] = rows
-    if sums[2] > 0.0:
-        behind = (at + int(sums[2])) % depth
-        sums[2] -= 1.0
+            sums[ZERO] += value - went
+            return value - sums[ZERO], LEAPT
+        sums[WRONG] = rows
+    if sums[WRONG] > 0.0:
+        behind = (at + int(sums[WRONG])) % depth
+        sums[WRONG] -= 1.0
         slope = speed(ring, before, last, behind, ring.v[behind, c])
-        return last + slope * passed - sums[3], ERROR
+        return last + slope * passed - sums[ZERO], ERROR
     went = abs(speed(ring, before, last, at, value))
-    sums[4] = sums[4] + passed if went == 0.0 else 0.0
+    sums[FOR] = sums[FOR] + passed if went == 0.0 else 0.0
     if went > 0.0 and went < np.inf:
-        sums[1] = max(sums[1], went if sums[0] < KNOWN else min(went, 2.0 * sums[1]))
-        goes = value - sums[3]
-        sums[6] = min(sums[6], goes) if sums[0] > 0.0 else goes
-        sums[7] = max(sums[7], goes) if sums[0] > 0.0 else goes
-        sums[0] += 1.0
-    return value - sums[3], OK
+        sums[FASTEST] = max(
+            sums[FASTEST], went if sums[MOVED] < KNOWN else min(went, 2.0 * sums[FASTEST])
+        )
+        goes = value - sums[ZERO]
+        sums[LOWEST] = min(sums[LOWEST], goes) if sums[MOVED] > 0.0 else goes
+        sums[HIGHEST] = max(sums[HIGHEST], goes) if sums[MOVED] > 0.0 else goes
+        sums[MOVED] += 1.0
+    return value - sums[ZERO], OK
