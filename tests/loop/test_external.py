@@ -40,9 +40,10 @@ AT, LONG = 2510, 40
 """First row and rows of the contact, between two beats."""
 
 
-def rows(contact: float = 0.0, wear: float = 0.0, load: float = 0.0, seed: int = 0) -> Block:
-    """An axis to and fro for 40 s, pushed once; dry friction that grows, a force that stays."""
-    n = 4000
+def rows(
+    contact: float = 0.0, wear: float = 0.0, load: float = 0.0, seed: int = 0, n: int = 4000
+) -> Block:
+    """An axis to and fro, pushed once; dry friction that grows, a force that stays."""
     t, rng = np.arange(n) / 100.0, np.random.default_rng(seed)
     v, a = 0.1 * np.sin(0.9 * t), 0.09 * np.cos(0.9 * t)
     model = model_of(AXIS)
@@ -315,3 +316,18 @@ def test_rows_of_a_speed_that_did_not_answer_are_in_no_window(end: int) -> None:
     told = [one for one in said if '"kind":"abnormal"' in one]
     assert len(told) == 1 and '"signal":"speed"' in told[0]
     assert "tuned" not in kinds(said)
+
+
+@first_of("seed", range(3))
+def test_a_contact_right_behind_a_promotion_is_told(seed: int) -> None:
+    """How far the new version is usually off is known by the rows before it went live."""
+    worn = rows(wear=8.0, seed=seed, n=7000)
+    with Twin(AXIS) as twin:
+        (live,) = twin.run((worn,)).of_kind("promoted")
+    pushed = worn.y.copy()
+    pushed[live.row + 60 : live.row + 60 + LONG] += 30.0
+    with Twin(AXIS) as twin:
+        result = twin.run((worn._replace(y=pushed),))
+    (contact,) = result.of_kind("external")
+    assert abs(contact.evidence["first"] - live.row - 60) <= 10
+    assert len(result.of_kind("promoted")) == 1 and result.champion.number == 1

@@ -118,6 +118,8 @@ class Live:
     """Number of the run's first sample in the store."""
     _by_name: ByName | None = field(default=None, init=False)
     """Reads what is pushed as columns by name."""
+    _changed: tuple[tuple[int, int], str] = field(default=((0, 0), ""), init=False)
+    """Live version and number of events, and what was told of them."""
     _began: float = field(default_factory=time.perf_counter, init=False)
 
     def __post_init__(self) -> None:
@@ -319,7 +321,10 @@ class Live:
         """What is other in the live version than in that before; nothing: nothing is."""
         if self._state is None or not self._state.live.version:
             return ""
-        return changes(self.setup, self._succeeded, self._observer.events)
+        at = self._state.live.version, len(self._observer.events)
+        if self._changed[0] != at:
+            self._changed = at, changes(self.setup, self._succeeded, self._observer.events)
+        return self._changed[1]
 
     @property
     def _succeeded(self) -> tuple[Version, ...]:

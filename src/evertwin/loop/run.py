@@ -43,7 +43,7 @@ from evertwin.store import Batch, Checkpoint
 from evertwin.sync import Feed as Brings
 
 log = logging.getLogger("evertwin")
-SECONDS = 1.0
+SECONDS = 5.0
 """Time from checkpoint to checkpoint where no rows are given: what a crash costs at most."""
 SHARE = 20.0
 """A checkpoint waits at least this many times as long as copying the last one took."""

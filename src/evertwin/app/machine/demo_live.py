@@ -53,23 +53,44 @@ PORTS = {"5020": "modbus", "1883": "mqtt", "8700": "http"}
 """What stands in the shipped site file, in whose place free ones come."""
 
 
-class Act(NamedTuple):
-    """Something that is done to a machine, in seconds of its time-lapse.
+PATIENCE = 75.0
+"""Seconds of ours that the story waits for a twin that this computer has had no time for yet."""
+SHOWN_FOR = 25.0
+"""Seconds of ours that what a twin makes of the last act is shown at least."""
 
-    >>> Act(200.0, "arm", "friction.2=1.3", "axis 2 rubs 30 % more").orders
+
+class Act(NamedTuple):
+    """Something that is done to a machine.
+
+    >>> Act(200.0, 1, "arm", "friction.2=1.3", "axis 2 rubs 30 % more").orders
     'friction.2=1.3'
     """
 
     at: float
+    """Seconds of its time-lapse, at the earliest."""
+    after: int
+    """Versions that its twin promotes before: a busy computer is waited for."""
     machine: str
     orders: str
     says: str
 
+    def is_due(self, lapsed: float, speed: float, promoted: int) -> bool:
+        """Is it its turn, so many seconds into its time-lapse?
+
+        >>> act = Act(200.0, 1, "arm", "", "")
+        >>> act.is_due(190.0, 10.0, 1), act.is_due(210.0, 10.0, 1)
+        (False, True)
+        >>> act.is_due(210.0, 10.0, 0), act.is_due(950.0, 10.0, 0)
+        (False, True)
+        """
+        late = lapsed >= self.at + PATIENCE * speed
+        return lapsed >= self.at and (promoted >= self.after or late)
+
 
 STORY = (
-    Act(200.0, "arm", "friction.2=1.3", "axis 2 of the arm wears: 30 % more friction"),
-    Act(430.0, "arm", "push.1=120 for=0.5", "somebody pushes the arm"),
-    Act(500.0, "robot", "drop=1 for=6", "all scans of the robot get lost for 6 s"),
+    Act(200.0, 1, "arm", "friction.2=1.3", "axis 2 of the arm wears: 30 % more friction"),
+    Act(430.0, 2, "arm", "push.1=120 for=1.5", "somebody pushes the arm"),
+    Act(500.0, 1, "robot", "drop=1 for=6", "all scans of the robot get lost for 6 s"),
 )
 
 
@@ -95,13 +116,16 @@ class Told:
     rows: int = 0
     serial: int = 0
 
+    def count(self, kind: str) -> int:
+        """Events of a kind."""
+        return sum(event["kind"] == kind for event in self.events)
+
     def to_dict(self) -> dict[str, Any]:
         """Plain content."""
-        kinds = [str(event["kind"]) for event in self.events]
         found: dict[str, Any] = {
-            "samples": self.samples, "rows": self.rows, "promoted": kinds.count("promoted"),
+            "samples": self.samples, "rows": self.rows, "promoted": self.count("promoted"),
             "first_improvement": self.improved,
-            "measurement_errors": kinds.count("measurement_error"),
+            "measurement_errors": self.count("measurement_error"),
             "events": [dict(event) for event in self.events],
         }  # fmt: skip
         if any(self.updates):
@@ -166,8 +190,8 @@ def free_ports(names: tuple[str, ...]) -> dict[str, int]:
 def run_live_demo(
     out: Path, seed: int, paced: tuple[float, float], headless: bool, as_json: bool
 ) -> None:
-    """Runs in time-lapse by a factor, for so many seconds of ours: ``paced``; lines on stdout, or
-    figures at the end."""
+    """Runs in time-lapse by a factor, for so many seconds of ours at least: ``paced``; lines on
+    stdout, or figures at the end."""
     speed, seconds = paced
     if (out / "sites" / "demo-store").exists():
         shutil.rmtree(out / "sites" / "demo-store")  # a demonstration begins anew
@@ -225,9 +249,14 @@ async def _beside(
     for name in machines.keys() - _listening(service, machines):
         screen.say(name, "waits until its twin's machine code is made, once, or read")
     said = {name: Told() for name in service.runners}
-    story, runs = list(STORY), dict[str, float]()  # machine → seconds when its time-lapse began
+    story = [act for act in STORY if act.at <= seconds * screen.speed]
+    runs, shown = dict[str, float](), 0.0  # machine → seconds when its time-lapse began
     try:
-        while len(runs) < len(machines) or screen.seconds < max(runs.values()) + seconds:
+        while (
+            story
+            or len(runs) < len(machines)
+            or screen.seconds < max(shown, max(runs.values()) + seconds)
+        ):
             if starting.done():
                 starting.result()
             for name in _listening(service, machines).difference(runs):
@@ -235,11 +264,16 @@ async def _beside(
                 runs[name] = screen.seconds
                 screen.say(name, f"runs; time-lapse: {screen.speed:g} of its seconds in one")
             await asyncio.sleep(0.1)
+            promoted = {name: said[f"{name}_live"].count("promoted") for name in machines}
             lapsed = {name: (screen.seconds - since) * screen.speed for name, since in runs.items()}
-            for act in [one for one in story if one.at <= lapsed.get(one.machine, -1.0)]:
+            for act in [
+                one for one in story
+                if one.is_due(lapsed.get(one.machine, -1.0), screen.speed, promoted[one.machine])
+            ]:  # fmt: skip
                 story.remove(act)
                 await asyncio.to_thread(told, controls[act.machine], act.orders)
                 screen.say("you", act.says)
+                shown = screen.seconds + SHOWN_FOR
             for name, runner in service.runners.items():
                 _listen(runner, said[name], screen, begun)
     finally:

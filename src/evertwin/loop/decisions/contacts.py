@@ -27,6 +27,9 @@ from evertwin.signals import wrap
 from evertwin.sync.horizon.horizon import finite
 from evertwin.types import Outputs, ParameterVector
 
+BEHIND = 3
+"""Memories of the residual's rms that it is learned of again."""
+
 
 def watched(
     setup: Setup, twin: TwinState, model: Model, p: ParameterVector, rows: Block, y: Outputs
@@ -49,6 +52,23 @@ def watched(
         mark = rows.mark[:, rows.u.shape[1] :]
         mark[marked[:, None] & _measured(mark)] = Mark.EXTERNAL
     return state, rows
+
+
+def known_of(
+    setup: Setup, twin: TwinState, model: Model, p: ParameterVector
+) -> ExternalState:
+    """How far a version that goes live is usually off, by the kept rows: else the machine would be
+    unwatched until that is learned. Of one with states nothing is known."""
+    state, stage = setup.external.init(), setup.external
+    if stage.longest == 0 or len(model.states):
+        return state
+    for rows in setup.ring.between(twin.ring, twin.row - BEHIND * int(stage.rule[2]), twin.row):
+        never = Restart.never(len(rows.t), len(model.outputs))
+        y = roll(kernel_of(model), np.empty(0), rows.u, rows.dt, p, never)[1]
+        seen = _seen(setup, model, p, rows, y)
+        seen.r[rows.mark[:, rows.u.shape[1] :] == Mark.EXTERNAL] = np.nan
+        state, _ = stage.step(state, seen)
+    return stage.told(state)
 
 
 def _measured(mark: np.ndarray) -> np.ndarray:

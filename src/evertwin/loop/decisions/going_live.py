@@ -10,6 +10,7 @@ import numpy as np
 
 from evertwin.fold import Block, copy
 from evertwin.gauges.rows.sensor_change import unmeasured
+from evertwin.loop.decisions.contacts import known_of
 from evertwin.loop.decisions.decision import Decision
 from evertwin.loop.decisions.follow import EMPTY, Follow
 from evertwin.loop.decisions.former import NOBODY, began, former, tell_alternates
@@ -177,7 +178,8 @@ def goes_live(follow: Follow, state: TwinState, number: int, other: Any, first: 
         lives=began(state.lives, number, state.row, reached=reached),
         scores=scores, agenda=state.agenda._replace(held=within, told=False, open=0, retell=0),
         trial=follow.setup.probation.init(), recovery=recovery,
-        detect=follow.setup.detect.anew(state.detect), external=follow.setup.external.init(),
+        detect=follow.setup.detect.anew(state.detect),
+        external=known_of(follow.setup, state, follow.versions.model(number), p),
         # what waits is of the version that goes
         newest=follow.setup.at_horizon.init(), waiting=follow.setup.residual_filter.init(),
     )  # fmt: skip

@@ -42,8 +42,8 @@ BACK = (0, 2 * 10**9, 60 * 10**9)
 """Stretches [ns] behind the newest sample in which the clock of its source is looked for."""
 ALL = 200_000
 """More rows than are known at any time."""
-LOOK, OFTEN = 50, 1.0
-"""Rows, or seconds with a row, after which what came of it is told anew."""
+OFTEN = 2.0
+"""Seconds after which what came of it is told anew where rows came."""
 WORKERS = 1
 """Processes of a twin's own for slow work, where nothing else is said."""
 
@@ -101,15 +101,15 @@ class AtWork:
         """Entries of the log that are known; values of numbers in them."""
         self._faults = Faults()
         self._row = -1
-        self._looked, self._stored, self.since, self._when = 0, 0.0, 0.0, 0.0
-        """Row, and second, at which what came of it was last told."""
+        self._stored = self.since = self._when = 0.0
+        """When what came of it was last told (monotonic) [s]."""
         self.now = Now("not yet")
         """How the live version does on its newest rows."""
         self._judged: tuple[int, str] = -1, ""
         """A version, and whether it was within what is asked when that could be told last."""
         self.about: Mapping[str, Any] = {}
         """Versions, parameters, what is live: as the newest entry of the log left it; what came
-        of it as it was at most `LOOK` rows ago."""
+        of it as it was at most `OFTEN` ago, of a trial too."""
         self.going = self.twin.going()
         view = self.going.view(1)
         self._row = int(view.row[-1]) if len(view.row) else -1
@@ -177,8 +177,7 @@ class AtWork:
             self.going.fold(one)
         rows, skipped = self._fresh(self.going.view(MOST))
         news = self._news()
-        often = (rows is not None or not self.row) and time.monotonic() >= self._when + OFTEN
-        if often or self.row >= self._looked + LOOK:
+        if (rows is not None or not self.row) and time.monotonic() >= self._when + OFTEN:
             self.looked_at()
         return Said(rows, skipped, news, self.row)
 
@@ -207,7 +206,7 @@ class AtWork:
         return self.about
 
     def _outcome(self) -> Mapping[str, Any]:
-        self._looked, self._when = self.row, time.monotonic()
+        self._when = time.monotonic()
         said, found = self.going.outcome
         judged, limit = self._judge(found), self.going.setup.requirement
         beyond = any(one.judged > limit for one in found.values())
