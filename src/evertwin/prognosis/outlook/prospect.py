@@ -107,6 +107,14 @@ class Prospect:
         name = self.rule.breakdown
         return {} if name is None else breakdown_limits(self.folder / name)
 
+    def observed(self, rule: IndicatorSpec) -> Observed:
+        """The series of an indicator, before its limit is known.
+
+        Raises:
+            DataError: its history cannot be read.
+        """
+        return series_of(rule, self.history, self.table, self.folder, self.parts)
+
     def indicator(self, rule: IndicatorSpec) -> Indicator:
         """An indicator with its limit.
 
@@ -116,7 +124,7 @@ class Prospect:
         """
         if self.table is None:
             check_names(rule, self.basis.model, self.history)
-        known = series_of(rule, self.history, self.table, self.folder, self.parts)
+        known = self.observed(rule)
         limit = limit_of(rule, self.broken_down, self._felt(rule, known))
         parameters = self.basis.model.parameters
         found = indicator_of(rule, known, limit, self.rule.clock, parameters)
@@ -175,7 +183,8 @@ class Prospect:
     @property
     def calendar(self) -> Calendar | None:
         """Where the clock counts from 1970."""
-        return next((one.calendar for one in self.series if one.calendar is not None), None)
+        known = (self.observed(rule).calendar for rule in self.basis.setup.spec.indicator)
+        return next((one for one in known if one is not None), None)
 
     def life(self, rule: IndicatorSpec, *, drawn: bool = False) -> ComponentLife:
         """The life that one indicator tells; ``drawn``: with its course."""

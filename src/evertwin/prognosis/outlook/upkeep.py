@@ -17,7 +17,6 @@ from typing import Any, Literal
 
 from evertwin.errors import UsageError
 from evertwin.fold import Event
-from evertwin.prognosis.histories.health import series_of
 from evertwin.prognosis.histories.observed_series import component_of
 from evertwin.prognosis.histories.parameter_history import DECISIONS, DONE, newest
 from evertwin.prognosis.laws import Life
@@ -225,7 +224,7 @@ def maintenance(
 def _span(prospect: Prospect, component: str) -> tuple[float, float]:
     """First and newest value that tell of a component."""
     found = [
-        series_of(rule, prospect.history, prospect.table, prospect.folder, prospect.parts).at
+        prospect.observed(rule).at
         for rule in prospect.basis.setup.spec.indicator
         if component_of(rule) == component
     ]
