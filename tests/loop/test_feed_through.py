@@ -34,9 +34,7 @@ def recorded(seed: int, spikes: bool) -> dict[str, np.ndarray]:
 
 
 @first_of(("seed", "spikes"), [(1, False), (2, True), (3, False), (4, True)])
-def test_a_leap_that_the_input_explains_is_no_error_and_a_spike_is(
-    seed: int, spikes: bool
-) -> None:
+def test_a_leap_that_the_input_explains_is_no_error_and_a_spike_is(seed: int, spikes: bool) -> None:
     model = FunctionModel(
         motor, Layout.of(u="V"), Layout.of(speed="rad/s", current="A"), Layout.of(speed="rad/s"),
         Parameters.of(lag=(0.3, "s")),

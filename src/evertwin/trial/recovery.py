@@ -88,9 +88,7 @@ class Recovery:
         """
         live, other = float(state.sums[0]), float(state.sums[1])
         sure = live - other >= self.sure * math.sqrt(float(state.harm[2]))
-        return bool(
-            state.tally[1] >= self.segments and other <= (1.0 - self.worse) * live and sure
-        )
+        return bool(state.tally[1] >= self.segments and other <= (1.0 - self.worse) * live and sure)
 
     def verdict(self, state: GateState) -> tuple[bool, dict[str, Any]]:
         """Does the earlier version fit again, and the evidence as plain scalars."""

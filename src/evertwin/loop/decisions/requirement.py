@@ -74,8 +74,7 @@ def _tell_within(decision: Decision, setup: Setup, rise: Rise) -> None:
     if not (rise.beyond >= FAR and np.isfinite(setup.requirement)):
         return
     before, now = (
-        ring.u[kept(ring, *span)]
-        for span in ((ring.first, rise.first), (rise.first, state.row))
+        ring.u[kept(ring, *span)] for span in ((ring.first, rise.first), (rise.first, state.row))
     )
     with unmeasured():
         goes_farther = np.nanstd(now, axis=0) > WIDER * np.nanstd(before, axis=0)

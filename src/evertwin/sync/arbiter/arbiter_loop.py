@@ -26,10 +26,10 @@ from evertwin.sync.arbiter.plausible_loop import (
 from evertwin.sync.arbiter.run_loop import EQUAL, follow, learn_noise, withdraw
 from evertwin.sync.arbiter.vote_loop import (
     agrees,
-    came_early,
     end_contest,
     end_fault,
     fault,
+    forgive_early,
     note,
     remember,
     sides,
@@ -254,11 +254,7 @@ def judge(case: Case, g: int, size: int, now: Any, phase: int, teaches: bool) ->
         started = started and predicted[room[k]] == predicted[room[k]]
     if started:
         ratio = measure(case, g, size, now[1], phase)
-        doubted_one = numbers[g, at.BATCH] == 1 or numbers[g, at.FAULTS] == 1
-        if doubted_one and came_early(case, g, size):
-            if numbers[g, at.BATCH] == 0:
-                numbers[g, at.CAUSE] = numbers[g, at.FAULTS] = 0
-            numbers[g, at.CONTEST] = numbers[g, at.BATCH] = 0
+        forgive_early(case, g, size)
     follow(case, g, size, now, ratio > 1.0)
     cause = implausible(case, g, size, now[1])
     open_factor, held = started and numbers[g, at.CAUSE] == FACTOR, 0

@@ -12,7 +12,7 @@ import numpy as np
 from evertwin.compiled.functions import njit
 from evertwin.sync import places as at
 from evertwin.sync.horizon.horizon_loop import wrapped
-from evertwin.sync.options import COLD
+from evertwin.sync.options import COLD, HOT
 from evertwin.sync.places import Cause, Finding
 from evertwin.sync.workspace import Case
 
@@ -168,26 +168,28 @@ def is_loud(rules: Any, memory: Any, g: int) -> bool:
     return bool(many or memory[2][g, at.LOUDEST] > LOUD)
 
 
-@njit(**COLD)
-def came_early(case: Case, g: int, size: int) -> bool:
-    """Is the one doubted sample, the last that came, where the model is a sample later?
+@njit(**HOT)
+def forgive_early(case: Case, g: int, size: int) -> None:
+    """The one doubted sample, the last that came, was none where the model is a sample later.
 
     An input acts from its stamp on, so the model follows its leap at the next row; an output that
     goes by the input itself, as a current by a voltage, leaps with it. It moves on meanwhile.
     """
     (limits, rules, _), (values, numbers, _) = case.settings, case.memory
-    last = int(rules[g, at.VOTE]) - 1
-    alone = numbers[g, at.BATCH] == 1 and case.board[2][last, g] == numbers[g, at.LAST_AT]
-    factor = numbers[g, at.BATCH] == 0 and numbers[g, at.CAUSE] == FACTOR
-    if not (alone or (factor and numbers[g, at.FAULTS] == 1 and numbers[g, at.TOLD] == 0)):
-        return False
+    last, count = int(rules[g, at.VOTE]) - 1, numbers[g, at.BATCH]
+    alone = count == 1 and case.board[2][last, g] == numbers[g, at.LAST_AT]
+    factor = count == 0 and numbers[g, at.CAUSE] == FACTOR and numbers[g, at.TOLD] == 0
+    if not (alone or (factor and numbers[g, at.FAULTS] == 1)):
+        return
     for k in range(size):
         j = case.sample[0][k]
         gate, angle = rules[g, at.GATE] * np.sqrt(values[j, at.BASE]), limits[j, at.ANGLE] > 0
         off = wrapped(values[j, at.LAST] - case.sample[1][j] + values[j, at.NU], angle)
         if not abs(off) <= max(gate, ONWARD * abs(values[j, at.WRONG])):
-            return False
-    return True
+            return
+    if factor:
+        numbers[g, at.CAUSE] = numbers[g, at.FAULTS] = 0
+    numbers[g, at.CONTEST] = numbers[g, at.BATCH] = 0
 
 
 @njit(**COLD)
