@@ -23,6 +23,8 @@ why: a motion that is harder to foretell does less."""
 FAR = 3.0
 """So many times the farthest that it was off by before an output is off for that to be told though
 it is within what is asked."""
+WORTH = 0.25
+"""Part of the requirement that it has to be off by for that: nearer nobody would heed it."""
 WIDER = 1.5
 """So many times as far as before inputs may go for a deviation not to come of that."""
 LITTLE = 0.5
@@ -79,6 +81,10 @@ def _tell_within(decision: Decision, setup: Setup, rise: Rise) -> None:
     with unmeasured():
         goes_farther = np.nanstd(now, axis=0) > WIDER * np.nanstd(before, axis=0)
     if not len(before) or goes_farther.any():
+        return
+    k, watch, usual = setup.model.outputs.index(rise.name), state.scores.watch, state.scores.usual
+    asked = limits(setup.requirement, watch, setup.relative, usual)[k]
+    if not judged_deviation(watch, setup.relative, usual)[k] >= WORTH * asked:
         return
     reason = (
         f"{rise.name} is off by {rise.times:.2g} times what it was, from row {rise.first} on or "
