@@ -287,8 +287,7 @@ def judge(case: Case, g: int, size: int, now: Any, phase: int, teaches: bool) ->
     if outside:
         before = figures[g, at.LOUDEST] if numbers[g, at.BATCH] > 0 else 0.0
         figures[g, at.LOUDEST] = max(before, ratio)
-        verdict, done = contest(case, g, size, now, phase)
-        return int(verdict), int(done)
+        return contest(case, g, size, now, phase)
     if numbers[g, at.CONTEST] > 0:
         end_contest(case, g, now)
     if numbers[g, at.VALID] != 1:
