@@ -260,8 +260,7 @@ def judge(case: Case, g: int, size: int, now: Any, phase: int, teaches: bool) ->
     open_factor, held = started and numbers[g, at.CAUSE] == FACTOR, 0
     # A factor may leave few digits that change, and makes any motion too fast.
     if open_factor and cause in (NONE, FROZEN, RATE):
-        growth = grown(rules, numbers, figures, g, now[1])
-        held = persists(case, g, size, growth)
+        held = persists(case, g, size, grown(rules, numbers, figures, g, now[1]))
         cause = FACTOR if held > 0 else NONE if held == 0 and cause == RATE else cause
     if ratio > 1.0:
         mark_onset(values, numbers, case.sample, g, size)
@@ -287,7 +286,8 @@ def judge(case: Case, g: int, size: int, now: Any, phase: int, teaches: bool) ->
     if outside:
         before = figures[g, at.LOUDEST] if numbers[g, at.BATCH] > 0 else 0.0
         figures[g, at.LOUDEST] = max(before, ratio)
-        return contest(case, g, size, now, phase)
+        verdict, done = contest(case, g, size, now, phase)
+        return int(verdict), int(done)
     if numbers[g, at.CONTEST] > 0:
         end_contest(case, g, now)
     if numbers[g, at.VALID] != 1:
