@@ -202,3 +202,21 @@ def test_a_guess_that_never_was_the_machine_does_not_come_back(seed: int) -> Non
         assert axis_twin.champion.values[0] == pytest.approx(1.0, rel=0.03)
     assert not said, said
     assert all(e.evidence["version"] != 0 for e in went), [(e.row, e.reason) for e in went]
+
+
+@first_of("seed", [1, 2, 3])
+def test_a_version_learned_while_little_moved_makes_room_for_the_one_before(seed: int) -> None:
+    """Neither is within what is asked where the machine moves as it did, but one is much nearer."""
+    rng, n = np.random.default_rng(seed), 7000
+    at = np.arange(n)
+    size = np.where(at < 3000, 0.2, 1.5)
+    u = size * (0.6 * np.sin(at * 0.07 + rng.uniform(0, 6)) + 0.4 * np.sin(at * 0.031))
+    y = np.where(abs(u) < 0.25, 1.6 * u, u + 0.15 * u**2) + 0.003 * rng.normal(size=n)
+    with twin() as axis_twin:
+        axis_twin.run({"t": at * 0.01, "u": u, "y": y})
+        told = [(e.row, e.kind, e.reason) for e in axis_twin.events]
+        went = [e for e in axis_twin.events if e.kind == "promoted"]
+        back = [e for e in axis_twin.events if e.kind == "rolled_back"]
+        assert went and went[0].row < 3000, told
+        assert [e.evidence["version"] for e in back] == [0] and back[0].row < 6500, told
+        assert "less deviation" in back[0].reason

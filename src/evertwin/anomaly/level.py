@@ -56,6 +56,8 @@ class Rise(NamedTuple):
     """Empty: none is."""
     times: float = 1.0
     """Rms since then over that before."""
+    beyond: float = 1.0
+    """The same over that of the fifth of the predictions before that were farthest off."""
 
 
 @dataclass(frozen=True)
@@ -88,11 +90,11 @@ class Level:
         moving: Bool[np.ndarray, "n ny"], ends: Bools,
     ) -> tuple[np.ndarray, tuple[Rise, ...]]:  # fmt: skip
         """More rows: residuals (n, ny), which of them count, and where predictions end."""
-        found = np.zeros((len(row) * len(state), 4))
+        found = np.zeros((len(row) * len(state), 5))
         count = _step(state, np.array(self.groups), (row, off, moving, ends), found)
         return state, tuple(
-            Rise(int(at), int(first), self.names[self.groups.index(int(g))], times)
-            for at, first, g, times in found[:count].tolist()
+            Rise(int(at), int(first), self.names[self.groups.index(int(g))], times, beyond)
+            for at, first, g, times, beyond in found[:count].tolist()
         )
 
     def handed_on(self, state: np.ndarray, rows: int) -> np.ndarray:
@@ -120,11 +122,12 @@ def _step(state: Any, groups: Any, rows: Any, found: Any) -> int:
             one = state[g]
             if one[ROWS] == 0.0:
                 continue
-            times = _rises(one[:HEAD], one[HEAD:], one[SUM] / one[ROWS])
+            times, beyond = _rises(one[:HEAD], one[HEAD:], one[SUM] / one[ROWS])
             one[SUM], one[ROWS] = 0.0, 0.0
             if times > 0.0:
                 row = found[count]
-                row[0], row[1], row[2], row[3] = float(number[i]), one[BEGAN], float(g), times
+                row[0], row[1], row[2] = float(number[i]), one[BEGAN], float(g)
+                row[3], row[4] = times, beyond
                 count += 1
     return count
 
@@ -150,9 +153,10 @@ def _alike(kept: Any, high: float) -> float:
 
 
 @njit(cache=True)
-def _rises(one: Any, kept: Any, mean: float) -> float:
-    """One more mean square: how many times the rms has risen; 0: it has not."""
-    n, times = int(one[COUNT]), 0.0
+def _rises(one: Any, kept: Any, mean: float) -> tuple[float, float]:
+    """One more mean square: how many times the rms has risen, by all before and by the farthest of
+    them; 0: it has not."""
+    n, times, beyond = int(one[COUNT]), 0.0, 0.0
     behind = n - int(max(one[SINCE], one[BELOW]))
     high = low = math.nan
     alike = 1.0
@@ -179,7 +183,9 @@ def _rises(one: Any, kept: Any, mean: float) -> float:
         rose = one[UP] > LIMIT
         new = int(one[SINCE] if rose else one[BELOW])
         if rose:
-            times = math.sqrt(_mean(kept[n + 1 - new : n + 1]) / _mean(kept[: n + 1 - new]))
+            now, before = _mean(kept[n + 1 - new : n + 1]), ordered(kept[: n + 1 - new])
+            times = math.sqrt(now / _mean(before))
+            beyond = math.sqrt(now / _mean(before[int((1.0 - RARE) * len(before)) :]))
         copied(kept[:new], kept[n + 1 - new : n + 1])
         one[COUNT], one[UP], one[SINCE], one[DOWN], one[BELOW] = new, 0.0, 0.0, 0.0, 0.0
-    return times
+    return times, beyond

@@ -273,6 +273,11 @@ def _calm(
     doubts = [e for e in events if e.kind in kinds and e.row > named]
     suspected = [e for e in doubts if e.kind != "abnormal"]
     times = f"suspected {len(suspected)} time{'s' * (len(suspected) != 1)}"
+    within = doubts[-1].reason if doubts and "times" in doubts[-1].evidence else ""
+    if within and doubts[-1].kind == "drift":
+        return (
+            f"The twin fits its machine, and nothing was changed: {now}{lead}{asked}. But {within}."
+        )
     if not doubts or doubts[-1].row <= until:
         more = "nothing else" if named >= 0 or _last(events, "followed") else "nothing"
         free = [name for name, f in known.items() if math.isnan(f.judged)]

@@ -51,6 +51,11 @@ class Recovery:
     """Segments at least."""
     before: int = 5
     """Segments at least on which the live version did better: else it was wrong from the first."""
+    worse: float = 0.3
+    """Gain from which on the live version, off by more than is asked, is the worse of the two."""
+    sure: float = 3.0
+    """Sum of the differences of both, by the root of the sum of their squares, of as many segments
+    at least: no few of them decide."""
 
     @cached_property
     def rule(self) -> Vector:
@@ -59,8 +64,9 @@ class Recovery:
         return np.array([self.proven, bar, math.inf, self.margin, self.segments, self.before])
 
     def init(self) -> GateState:
-        """The state before the first segment."""
-        return new_state(1)
+        """The state before the first segment: beside its bets how often they began anew, the last
+        row of their first segment, and the sum of the squared differences since."""
+        return new_state(2)
 
     def step(self, state: GateState, losses: Float64[np.ndarray, "m three"]) -> int:
         """Folds segments (both losses, last row) into ``state``, in place.
@@ -69,6 +75,20 @@ class Recovery:
             Index of the one that decides that the earlier version fits again; −1: none does.
         """
         return int(since_better(losses, self.rule, LENGTHS, GRID, state))
+
+    def outdone(self, state: GateState) -> bool:
+        """Is the earlier version the better one of two of which neither need fit?
+
+        >>> recovery, often = Recovery(), np.random.default_rng(0).uniform(0.5, 1.5, (60, 2))
+        >>> live, other, rows = 2.0 * often[:, 0], often[:, 1], np.arange(60.0)
+        >>> state = recovery.init()
+        >>> _ = recovery.step(state, np.stack([live**2, other**2, rows], axis=1))
+        >>> recovery.outdone(state), recovery.outdone(recovery.init())
+        (True, False)
+        """
+        live, other = float(state.sums[0]), float(state.sums[1])
+        sure = live - other >= self.sure * math.sqrt(float(state.harm[2]))
+        return bool(state.tally[1] >= self.segments and other <= (1.0 - self.worse) * live and sure)
 
     def verdict(self, state: GateState) -> tuple[bool, dict[str, Any]]:
         """Does the earlier version fit again, and the evidence as plain scalars."""

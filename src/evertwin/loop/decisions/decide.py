@@ -27,6 +27,7 @@ from evertwin.loop.decisions.going_live import goes_live, recovered, retells, sw
 from evertwin.loop.decisions.heeding import heed
 from evertwin.loop.decisions.in_stream import tell_followed
 from evertwin.loop.decisions.looking import adopted, in_vain, looks, nothing_came, returned
+from evertwin.loop.decisions.outdone import outdone
 from evertwin.loop.decisions.requirement import deviates, foreseen, heard, rises, unexplained
 from evertwin.loop.decisions.unanswered import unanswered
 from evertwin.models.form import Form
@@ -75,6 +76,7 @@ class Decide:
             self._judge_probation(decision)
         if not veto:
             recovered(decision, self.follow)
+            outdone(decision, self.follow)
             taken_as_recorded(decision, self.follow)
         if not veto:
             self._cross(decision)

@@ -63,7 +63,7 @@ def goes_back(
     state, agenda, since = decision.state, decision.state.agenda, evidence["since"]
     live = state.live.version
     if agenda.phase == TRIAL and state.other.version != old:
-        said = f"version {state.other.version} was learned before the machine went back"
+        said = f"version {state.other.version} makes room for one that was live before"
         decision.say("superseded", "", said, {"version": state.other.version})
     reason = f"version {old} replaces {live}: {why}"
     decision.say("rolled_back", "", reason, switched(follow, evidence, old))

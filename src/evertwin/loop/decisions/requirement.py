@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 
 from evertwin.anomaly import Rise
+from evertwin.gauges.rows.sensor_change import unmeasured
 from evertwin.loop.decisions.decision import Decision
 from evertwin.loop.decisions.follow import NONE, early, proven
+from evertwin.rows.ring import kept
 from evertwin.setup.detectors import Alarm
 from evertwin.setup.deviation import Sums, judged_deviation, limits
 from evertwin.setup.setup import Setup
@@ -18,6 +20,13 @@ from evertwin.setup.twin_state import TwinState
 DOUBLED = 2.0
 """So many times what it was off by before an output is off for that to be told before it is known
 why: a motion that is harder to foretell does less."""
+FAR = 3.0
+"""So many times the farthest that it was off by before an output is off for that to be told though
+it is within what is asked."""
+WORTH = 0.25
+"""Part of the requirement that it has to be off by for that: nearer nobody would heed it."""
+WIDER = 1.5
+"""So many times as far as before inputs may go for a deviation not to come of that."""
 LITTLE = 0.5
 """Part of the requirement that a deviation has to grow by for a detector's alarm to count: that a
 residual is no longer what it was is no trouble while the twin is as true as is asked."""
@@ -45,6 +54,8 @@ def rises(decision: Decision, setup: Setup, *, whole: bool) -> TwinState:
     since, doubted = state.agenda.since, bool(state.agenda.doubt)
     known = since > 0 and rise.first - since <= state.row - rise.first
     known |= doubted and rise.first <= state.agenda.doubted_at
+    if whole and rise.row <= begins and not (known or state.agenda.told):
+        _tell_within(decision, setup, rise)
     matters = state.agenda.told and not known and _matters(setup, state, rise.name)
     if known or matters or (whole and rise.row <= begins):
         decision.state = state._replace(detect=state.detect._replace(risen=Rise()))
@@ -56,6 +67,31 @@ def rises(decision: Decision, setup: Setup, *, whole: bool) -> TwinState:
         evidence = {"first": rise.first, "rows": state.row - rise.first, "times": rise.times}
         decision.say("suspected", rise.name, reason, evidence)
     return decision.state
+
+
+def _tell_within(decision: Decision, setup: Setup, rise: Rise) -> None:
+    """An output is off by far more than it ever was, and no input goes farther than it did: that is
+    told though it is within what is asked, and nothing is asked for it."""
+    state, ring = decision.state, decision.state.ring
+    if not (rise.beyond >= FAR and np.isfinite(setup.requirement)):
+        return
+    before, now = (
+        ring.u[kept(ring, *span)] for span in ((ring.first, rise.first), (rise.first, state.row))
+    )
+    with unmeasured():
+        goes_farther = np.nanstd(now, axis=0) > WIDER * np.nanstd(before, axis=0)
+    if not len(before) or goes_farther.any():
+        return
+    k, watch, usual = setup.model.outputs.index(rise.name), state.scores.watch, state.scores.usual
+    asked = limits(setup.requirement, watch, setup.relative, usual)[k]
+    if not judged_deviation(watch, setup.relative, usual)[k] >= WORTH * asked:
+        return
+    reason = (
+        f"{rise.name} is off by {rise.times:.2g} times what it was, from row {rise.first} on or "
+        "later, though within what is asked: nothing is tuned for it"
+    )
+    evidence = {"first": rise.first, "rows": state.row - rise.first, "times": rise.times}
+    decision.say("drift", rise.name, reason, evidence)
 
 
 def unexplained(decision: Decision, setup: Setup, content: Mapping[str, Any]) -> None:

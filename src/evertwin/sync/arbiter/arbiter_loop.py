@@ -29,6 +29,7 @@ from evertwin.sync.arbiter.vote_loop import (
     end_contest,
     end_fault,
     fault,
+    forgive_early,
     note,
     remember,
     sides,
@@ -253,13 +254,13 @@ def judge(case: Case, g: int, size: int, now: Any, phase: int, teaches: bool) ->
         started = started and predicted[room[k]] == predicted[room[k]]
     if started:
         ratio = measure(case, g, size, now[1], phase)
+        forgive_early(case, g, size)
     follow(case, g, size, now, ratio > 1.0)
     cause = implausible(case, g, size, now[1])
     open_factor, held = started and numbers[g, at.CAUSE] == FACTOR, 0
     # A factor may leave few digits that change, and makes any motion too fast.
     if open_factor and cause in (NONE, FROZEN, RATE):
-        growth = grown(rules, numbers, figures, g, now[1])
-        held = persists(case, g, size, growth)
+        held = persists(case, g, size, grown(rules, numbers, figures, g, now[1]))
         cause = FACTOR if held > 0 else NONE if held == 0 and cause == RATE else cause
     if ratio > 1.0:
         mark_onset(values, numbers, case.sample, g, size)

@@ -12,12 +12,14 @@ import numpy as np
 from evertwin.compiled.functions import njit
 from evertwin.sync import places as at
 from evertwin.sync.horizon.horizon_loop import wrapped
-from evertwin.sync.options import COLD
+from evertwin.sync.options import COLD, HOT
 from evertwin.sync.places import Cause, Finding
 from evertwin.sync.workspace import Case
 
 ERROR, OVERRULED, RESTORED = int(Finding.ERROR), int(Finding.OVERRULED), int(Finding.RESTORED)
-VOTE, END = int(Cause.VOTE), int(Cause.END)
+VOTE, END, FACTOR = int(Cause.VOTE), int(Cause.END), int(Cause.FACTOR)
+ONWARD = 0.1
+"""Part of its leap by which an output moves on until the next sample."""
 LOUD = 1.5**2
 """Test ratio from which on contested samples are told of: of Gaussian noise beyond four deviations
 every ten-thousandth sample is, beyond six none."""
@@ -164,6 +166,30 @@ def is_loud(rules: Any, memory: Any, g: int) -> bool:
     """Are the contested samples without verdict more than a few of the sensor's own noise?"""
     many = memory[1][g, at.BATCH] >= rules[g, at.VOTE]
     return bool(many or memory[2][g, at.LOUDEST] > LOUD)
+
+
+@njit(**HOT)
+def forgive_early(case: Case, g: int, size: int) -> None:
+    """The one doubted sample, the last that came, was none where the model is a sample later.
+
+    An input acts from its stamp on, so the model follows its leap at the next row; an output that
+    goes by the input itself, as a current by a voltage, leaps with it. It moves on meanwhile.
+    """
+    (limits, rules, _), (values, numbers, _) = case.settings, case.memory
+    last, count = int(rules[g, at.VOTE]) - 1, numbers[g, at.BATCH]
+    alone = count == 1 and case.board[2][last, g] == numbers[g, at.LAST_AT]
+    factor = count == 0 and numbers[g, at.CAUSE] == FACTOR and numbers[g, at.TOLD] == 0
+    if not (alone or (factor and numbers[g, at.FAULTS] == 1)):
+        return
+    for k in range(size):
+        j = case.sample[0][k]
+        gate, angle = rules[g, at.GATE] * np.sqrt(values[j, at.BASE]), limits[j, at.ANGLE] > 0
+        off = wrapped(values[j, at.LAST] - case.sample[1][j] + values[j, at.NU], angle)
+        if not abs(off) <= max(gate, ONWARD * abs(values[j, at.WRONG])):
+            return
+    if factor:
+        numbers[g, at.CAUSE] = numbers[g, at.FAULTS] = 0
+    numbers[g, at.CONTEST] = numbers[g, at.BATCH] = 0
 
 
 @njit(**COLD)
