@@ -120,7 +120,11 @@ def table_findings(table: TableInfo) -> list[str]:
     if table.rows == 0:
         out.append(f"{where}no complete row")
     if table.time is None:
-        out.append(f"{where}no column of time was found: name one, or give a rate")
+        counter = next((f"{c.name} counts the rows, " for c in table.columns[:1] if c.counts), "")
+        out.append(
+            f"{where}{counter}no column of time was found: name one, or give the rate of the rows "
+            "(evertwin init --answer log.rate='100 Hz')"
+        )
     else:
         out += [f"{where}{line}" for line in _clock_findings(table.time)]
     held = [column for column in table.columns if _held(column)]

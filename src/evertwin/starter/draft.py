@@ -358,9 +358,14 @@ class Draft:
             lines += [f"  {name}: {what}" for name, what in asked]
             name, _, what = _cut(self.questions[0])
             lines.append(
-                f"  or said to init, on which times and the requirement rest then: evertwin init … "
+                f"  or answer here, and times and requirement are proposed by it: evertwin init … "
                 f"--force --answer {name}.{what.split()[0]}=…"
             )
+            if any(m.channel == "u" and m.column == ASK for m in self.proposal.matches):
+                lines.append(
+                    "  where several drive: an input and a channel for each of the others, in the "
+                    "model file too (docs/how-to/model-of-your-own.md)"
+                )
         if self.undescribed and self.model is not None:
             lines.append(
                 f"its {len(self.model.outputs)} joints are found, its bodies have to be described: "

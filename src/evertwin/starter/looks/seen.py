@@ -181,11 +181,11 @@ def _machines(table: TableInfo) -> TableInfo:
 
 
 def _counts(column: ColumnInfo, table: TableInfo) -> bool:
-    """Does a column go up by one from row to row, and say that it counts?"""
-    if table.time is not None and column.name == table.time.column:
+    """Does a column go up by one from row to row, and say that it counts, or come first?"""
+    if column.unit or (table.time is not None and column.name == table.time.column):
         return False
-    named = not COUNTED.isdisjoint(words(column.name)) and not column.unit
-    return named and column.count > 1 and column.high - column.low == column.count - 1
+    named = not COUNTED.isdisjoint(words(column.name))
+    return (named or column is table.columns[0]) and column.counts
 
 
 def _widened(one: TableInfo, other: TableInfo) -> TableInfo:
