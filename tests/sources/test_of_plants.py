@@ -113,3 +113,25 @@ def test_days_of_a_spreadsheet_are_asked(tmp_path: Path) -> None:
     rows = (f"{46095.25 + 0.01 * k:.4f};{U[k]};{Y[k]}" for k in range(N))
     time = table_of(tmp_path, "Time;Valve;Level", rows).time
     assert time is not None and time.sure  # the uptime of a controller
+
+
+def test_many_constant_columns_are_one_line_and_a_few_are_named(tmp_path: Path) -> None:
+    for count, said in ((3, "c2: constant at 3"), (9, "constant columns: c1; c2; c3; c4; c5")):
+        head = ",".join(["t [s]", "v", *(f"c{j}" for j in range(1, count + 1))])
+        rows = (f"{k / 10},{U[k]}{',3' * count}" for k in range(N))
+        found = inspect(written(tmp_path, (head, *rows))).findings
+        assert sum("constant" in one for one in found) == (count if count < 5 else 1)
+        assert any(one.startswith(said) for one in found)
+
+
+def test_cells_that_hold_lists_are_told(tmp_path: Path) -> None:
+    rows = (f'{k / 10};"[{U[k]}, {Y[k]}]"' for k in range(N))
+    (said,) = inspect(written(tmp_path, ("t [s];position", *rows))).findings
+    assert said.startswith("position: each cell holds several values ([")
+
+
+def test_seconds_and_nanoseconds_of_no_message_are_a_stamp_too(tmp_path: Path) -> None:
+    rows = (f"{1_700_000_000 + k // 4},{k % 4 * 250_000_000},{U[k]}" for k in range(N))
+    time = table_of(tmp_path, "sec,nanosec,v", rows).time
+    assert time is not None
+    assert (time.column, time.rate) == ("stamp", pytest.approx(4.0))

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from evertwin.app.first.init_command import Said, write_starter
 from evertwin.machines.catalog import machine
 from evertwin.starter import Proposal, Seen, kind_of, look, mapped
 from evertwin.starter.answers import answers_of, with_rates
@@ -69,3 +70,17 @@ def test_a_counter_asks_for_the_rate_and_feeds_nothing(tmp_path: Path) -> None:
     assert one.period is None and [c.name for c in one.columns] == ["pump", "level"]
     (told,) = with_rates((one,), answers_of(["log.rate=20 Hz"]))
     assert told == replace(one, every=0.05) and told.period == 0.05
+
+
+def test_experiments_behind_one_another_are_tasks(tmp_path: Path) -> None:
+    run, t = np.divmod(np.arange(N), 200)
+    (one,) = seen_of(tmp_path, "run,t [s],u,y", 7 - run, 0.1 * t, SET, SLOW)
+    assert one.task == "run"
+    (one,) = seen_of(tmp_path, "run,step,u,y", run, t, SET, SLOW)
+    assert one.task == "run"
+    out = tmp_path / "log.toml"
+    write_starter([tmp_path / "log.csv"], out, ("", None), force=True, as_json=False,
+                  said=Said(answers=["log.rate=10 Hz"]))  # fmt: skip
+    assert 'task = "run"' in out.read_text()
+    (one,) = seen_of(tmp_path, "valve,t [s],u,y", SET // 50, 0.1 * np.arange(N), SET, SLOW)
+    assert one.task == ""

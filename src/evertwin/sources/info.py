@@ -27,7 +27,7 @@ from evertwin.sources.columns.description import (
 )
 from evertwin.sources.columns.no_value import SENTINELS
 from evertwin.sources.columns.scans import Scans
-from evertwin.sources.columns.stacked import stacked
+from evertwin.sources.columns.stacked import lists, stacked
 from evertwin.sources.columns.statistics import ClockStatistics, ColumnStatistics
 from evertwin.sources.columns.table import Column, Recording, Rows, Table
 from evertwin.sources.info_text import column_findings, table_findings
@@ -61,10 +61,9 @@ def inspect(path: Path | str | Recording, shown: Callable[[BagImage], None] | No
     size = sum(file.stat().st_size for file in files if file.is_file())
     tables = tuple(_table(table) for table in recording.tables)
     findings = [*recording.notes]
-    for info in tables:
-        findings += table_findings(info)
-        for column in info.columns:
-            findings += column_findings(column, info, recording.kind in BAGS)
+    for info, table in zip(tables, recording.tables, strict=True):
+        findings += [*table_findings(info), *lists(table)]
+        findings += column_findings(info, recording.kind in BAGS)
     scans = tuple(_scans(one) for one in scans_of(recording))
     findings += [f"{one.name}: {line}" for one in scans for line in one.findings]
     images = _images(recording, shown)

@@ -77,7 +77,7 @@ class Draft:
                 name, tuple(os.path.relpath(f.resolve(), here) for f in self.seen[s].files),
                 _pattern(self.seen[s]) if self._apart(used) else "", self.seen[s].table.time,
                 self.seen[s].period, tuple(m for m in self.proposal.matches if m.source == s),
-                self._held(s), self.seen[s].every is not None,
+                self._held(s), self.seen[s].task, self.seen[s].every is not None,
             )
             for name, s in zip(names, used, strict=True)
         )  # fmt: skip

@@ -43,6 +43,20 @@ def stacked(table: Table, time: Column) -> str:
     return ""
 
 
+def lists(table: Table) -> list[str]:
+    """The columns whose cells hold several numbers each, as messages printed to a table do."""
+    out = []
+    for column in table.columns:
+        cells = _cells(table, column)[:1] if column.kind == "text" else []
+        for cell in cells:
+            if cell[:1] in tuple("[({") and any(sign.isdigit() for sign in cell):
+                out.append(
+                    f"{column.name}: each cell holds several values ({cell[:24]} …): write a "
+                    "column for each of them"
+                )
+    return out
+
+
 def _cells(table: Table, column: Column) -> list[str]:
     rows = next(iter(table.rows([], column.name, strict=False)), None)
     cells = [] if rows is None else rows.time[:_ROWS].tolist()

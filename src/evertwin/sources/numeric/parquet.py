@@ -20,6 +20,8 @@ from evertwin.sources.numeric.arrays import numbers_of
 PIECE = 1 << 13
 """Rows read at once."""
 
+_NESTED = "nested columns: write a row for each of their values (pandas: explode)"
+
 
 def open_parquet(path: Path) -> Recording:
     """A Parquet file; nested columns are left out by name.
@@ -30,7 +32,7 @@ def open_parquet(path: Path) -> Recording:
     """
     table = ParquetTable(path)
     nested = [n for n in table.schema.names if n not in {c.name for c in table.columns}]
-    return Recording(path, "parquet", (table,), tuple(f"{n}: nested columns" for n in nested))
+    return Recording(path, "parquet", (table,), tuple(f"{n}: {_NESTED}" for n in nested))
 
 
 @dataclass(frozen=True)
@@ -118,7 +120,7 @@ def _kind(type_: Any) -> str:
         return "boolean"
     if types.is_integer(type_) or types.is_floating(type_) or types.is_decimal(type_):
         return "number"
-    if types.is_timestamp(type_) or types.is_date(type_):
+    if types.is_timestamp(type_) or types.is_date(type_) or types.is_duration(type_):
         return "time"
     flat = (types.is_string, types.is_large_string, types.is_dictionary, types.is_string_view)
     return "text" if any(test(type_) for test in flat) else ""

@@ -109,6 +109,19 @@ class Seen:
         several = set.intersection(*said) if len(said) > 1 else set[str]()
         return frozenset(word for word in several if word.isdigit())
 
+    @cached_property
+    def task(self) -> str:
+        """The column that tells one experiment from the next: it changes exactly where time, or
+        another column that else always grows, falls; empty: none."""
+        clocks = [*self.rows.T] if self.t is None else [self.t]
+        for clock in clocks:
+            falls = np.diff(clock) < 0.0
+            if falls.any() and np.all(np.diff(clock)[~falls] > 0.0):
+                for k, column in enumerate(self.columns):
+                    if np.array_equal(np.diff(self.rows[:, k]) != 0.0, falls):
+                        return column.name
+        return ""
+
     @property
     def about(self) -> str:
         """What names it says beyond its headings: the topic, or the name of its file."""
