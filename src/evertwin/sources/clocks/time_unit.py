@@ -174,8 +174,7 @@ _PERHAPS = {
     "epoch", "unix", "unixtime", "utc", "ts", "elapsed", "uptime", "zeitstempel", "temps", "tiempo",
     "tempo", "tijd",
 }  # fmt: skip
-"""First words of one that grows, by other steps than one a row: an epoch is a round, too, and a
-``Ts`` a constant."""
+"""First words of one that grows: a ``Ts`` may be a constant; an epoch that counts is a round."""
 
 
 _OWN = ["header", "stamp"]
@@ -194,7 +193,9 @@ def time_column(table: Table) -> Column | None:
     columns = table.columns
     numbers = [c for c in columns if c.kind == "number" and not _states(c, of_time=False)]
     usual = [c for c in numbers if _usual(c) and (_named(c) or _grows(table, c, 0.1))]
-    usual = usual or [c for c in numbers if _may_be(c) and _goes_on(table, c, 0.1)]
+    usual = usual or [c for c in numbers if _may_be(c) and _grows(table, c, 0.1)]
+    rounds = [c for c in usual if "epoch" in _words(c.name)[:1]]
+    usual = [c for c in usual if c not in rounds or _goes_on(table, c, 0.1)]
     dated = sorted(
         ((_lacks(table, column), column) for column in columns if column.kind == "time"),
         key=lambda pair: pair[0],

@@ -20,8 +20,6 @@ from evertwin.sources.numeric.arrays import numbers_of
 PIECE = 1 << 13
 """Rows read at once."""
 
-_NESTED = "nested columns: write a row for each of their values (pandas: explode)"
-
 
 def open_parquet(path: Path) -> Recording:
     """A Parquet file; nested columns are left out by name.
@@ -32,7 +30,7 @@ def open_parquet(path: Path) -> Recording:
     """
     table = ParquetTable(path)
     nested = [n for n in table.schema.names if n not in {c.name for c in table.columns}]
-    return Recording(path, "parquet", (table,), tuple(f"{n}: {_NESTED}" for n in nested))
+    return Recording(path, "parquet", (table,), tuple(f"{n}: nested columns" for n in nested))
 
 
 @dataclass(frozen=True)
