@@ -93,6 +93,22 @@ def test_inputs_and_outputs_go_by_their_names(call: Command, folder: Path) -> No
     assert [m["column"] for m in done.json["channels"].values()] == ["uEst", "yEst"]
 
 
+def test_a_pump_that_switches_makes_no_series_of_wear(call: Command, folder: Path) -> None:
+    on = np.arange(300) // 20 % 2
+    level = 1.0 + np.convolve(on - 0.5, np.exp(-np.arange(60) / 15.0) / 15.0)[:300]
+    rows = (
+        f"2026-03-14 {k // 360:02}:{k // 6 % 60:02}:{k % 6 * 10:02},{'On' if x else 'Off'},{y:.4f}"
+        for k, (x, y) in enumerate(zip(on, level, strict=True))
+    )
+    (folder / "tank.csv").write_text("\n".join(["stamp,pump,level", *rows, ""]))
+    done = call("init", "tank.csv", "-o", "tank.toml", "--json")
+    assert done.code == 0, done.err
+    assert [m["column"] for m in done.json["channels"].values()] == ["pump", "level"]
+    run = call("run", "tank.toml")
+    assert run.code == 0, run.err
+    assert re.search(r"  y +rms \S+( -> \S+)?   ", run.out)  # a number without a unit
+
+
 def test_the_rate_is_read_or_asked_for_where_no_column_is_a_time(
     call: Command, folder: Path
 ) -> None:

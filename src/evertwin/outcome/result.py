@@ -303,8 +303,9 @@ class RunResult:
             if not sizes:  # a virtual sensor has no measurement to differ from
                 continue
             unit, factor = suited(max(sizes), f.unit, f.recorded)
+            said = "" if unit == "1" else f" {unit}"
             found.append(
-                (name, unit, f"{f.rms_before * factor:.4g}", f"{f.rms_after * factor:.4g}",
+                (name, said, f"{f.rms_before * factor:.4g}", f"{f.rms_after * factor:.4g}",
                  _share(f.relative_rms_before, f.relative_rms_moving_before),
                  _share(f.relative_rms_after, f.relative_rms_moving_after))
             )  # fmt: skip
@@ -318,9 +319,9 @@ class RunResult:
         before, after = self.position_updates
         text = [self.headline, ""]
         text += [
-            f"  {name:<10} rms {b} -> {a} {unit}" + f"   relative {rb} -> {ra}" * self.relative
+            f"  {name:<10} rms {b} -> {a}{unit}" + f"   relative {rb} -> {ra}" * self.relative
             if (b, rb) != (a, ra)
-            else f"  {name:<10} rms {a} {unit}{f'   relative {ra}' * self.relative}   unchanged"
+            else f"  {name:<10} rms {a}{unit}{f'   relative {ra}' * self.relative}   unchanged"
             for name, unit, b, a, rb, ra in self._lines()
         ]
         if before or after:

@@ -63,10 +63,10 @@ def _wordy(value: float) -> str:
 def number(value: float, unit: str = "", digits: int = 4) -> str:
     """A size with some digits.
 
-    >>> number(0.00479821, "m"), number(1.75e36, "m"), number(math.nan)
-    ('0.004798 m', 'beyond all measure', 'unknown')
+    >>> number(0.00479821, "m"), number(0.25, "1"), number(1.75e36, "m"), number(math.nan)
+    ('0.004798 m', '0.25', 'beyond all measure', 'unknown')
     """
-    return _wordy(value) or f"{value:.{digits}g} {unit}".rstrip()
+    return _wordy(value) or f"{value:.{digits}g} {'' if unit == '1' else unit}".rstrip()
 
 
 def percent(value: float) -> str:

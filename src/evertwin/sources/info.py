@@ -27,6 +27,7 @@ from evertwin.sources.columns.description import (
 )
 from evertwin.sources.columns.no_value import SENTINELS
 from evertwin.sources.columns.scans import Scans
+from evertwin.sources.columns.stacked import lists, stacked
 from evertwin.sources.columns.statistics import ClockStatistics, ColumnStatistics
 from evertwin.sources.columns.table import Column, Recording, Rows, Table
 from evertwin.sources.info_text import column_findings, table_findings
@@ -60,10 +61,9 @@ def inspect(path: Path | str | Recording, shown: Callable[[BagImage], None] | No
     size = sum(file.stat().st_size for file in files if file.is_file())
     tables = tuple(_table(table) for table in recording.tables)
     findings = [*recording.notes]
-    for info in tables:
-        findings += table_findings(info)
-        for column in info.columns:
-            findings += column_findings(column, info, recording.kind in BAGS)
+    for info, table in zip(tables, recording.tables, strict=True):
+        findings += [*table_findings(info), *lists(table)]
+        findings += column_findings(info, recording.kind in BAGS)
     scans = tuple(_scans(one) for one in scans_of(recording))
     findings += [f"{one.name}: {line}" for one in scans for line in one.findings]
     images = _images(recording, shown)
@@ -118,7 +118,8 @@ def _table(table: Table) -> TableInfo:
         else:
             unit = unit or told(table, time, rows.time)
             watched.add(rows, unit)
-    watched.finish()
+    if (lost := watched.finish()) and time is not None:
+        tally.suspect(stacked(table, time) or lost)
     words = _words(tally)
     columns = {c.name: _column(c, s, words) for c, s in zip(numbers, stats, strict=True)}
     listed = tuple(columns.get(c.name, ColumnInfo(c.name, c.kind, c.unit, count, 0, 0, also=c.also))
@@ -158,12 +159,11 @@ class _Watched:
         self.watch = self.watch or Watch(typical(t))
         self._count(self.watch.take(rows.line, t, np.zeros((len(t), 0))))
 
-    def finish(self) -> None:
-        """The end of the table."""
+    def finish(self) -> str:
+        """The end of the table: what is wrong with the order of its rows, where many are lost."""
         if self.watch is not None:
             self._count(self.watch.finish(0))
-        if self.tally.share > self.tally.limit:
-            self.tally.suspect(order_of_rows(self.top))
+        return order_of_rows(self.top) if self.tally.share > self.tally.limit else ""
 
     def _count(self, out: Guarded) -> None:
         self.tally.add(out.problems)

@@ -18,7 +18,7 @@ from evertwin.sources.columns.description import (
     TableInfo,
     TimeInfo,
 )
-from evertwin.sources.columns.names import unit_problem
+from evertwin.sources.columns.names import listed, unit_problem
 
 _YEAR_2000 = 946_684_800 * 10**9
 
@@ -109,6 +109,8 @@ def _column(column: ColumnInfo, width: int) -> str:
     return f"{head} {column.missing:7d}"
 
 
+_MANY = 5
+"""Constant columns that are told one by one."""
 _HELD = 20
 """A stretch of equal values is named when it is so many times the usual one."""
 
@@ -120,7 +122,11 @@ def table_findings(table: TableInfo) -> list[str]:
     if table.rows == 0:
         out.append(f"{where}no complete row")
     if table.time is None:
-        out.append(f"{where}no column of time was found: name one, or give a rate")
+        counter = next((f"{c.name} counts the rows, " for c in table.columns[:1] if c.counts), "")
+        out.append(
+            f"{where}{counter}no column of time was found: name one, or give the rate of the rows "
+            "(evertwin init --answer log.rate='100 Hz')"
+        )
     else:
         out += [f"{where}{line}" for line in _clock_findings(table.time)]
     held = [column for column in table.columns if _held(column)]
@@ -156,19 +162,29 @@ def _clock_findings(time: TimeInfo) -> Iterator[str]:
         )
 
 
-def column_findings(column: ColumnInfo, table: TableInfo, of_messages: bool = False) -> list[str]:
-    """What is wrong with the values of one column.
+def column_findings(table: TableInfo, of_messages: bool = False) -> list[str]:
+    """What is wrong with the values of the columns; of many constant ones, that they are.
 
     ``of_messages``: columns are members of messages, most of which nobody fills; one that never
     changes is odd where no other of its topic does.
     """
-    where = f"{table.name}: " if table.name and not column.name.startswith(table.name) else ""
-    found = [*_values(column)]
+    still = [c for c in table.columns if _constant(c) and not (of_messages and _alive(c, table))]
+    few = still if len(still) <= _MANY else []
+    out = list[str]()
+    for column in table.columns:
+        where = f"{table.name}: " if table.name and not column.name.startswith(table.name) else ""
+        found = [*_values(column), *[f"constant at {column.low:g}"] * (column in few)]
+        out += [f"{where}{column.name}: {line}" for line in found]
+    if still and not few:
+        where = f"{table.name}: " if table.name else ""
+        out.append(f"{where}constant columns: {listed([c.name for c in still], _MANY)}")
+    return out
+
+
+def _alive(column: ColumnInfo, table: TableInfo) -> bool:
+    """Does another column of its topic change?"""
     topic = column.name.partition(".")[0]
-    beside = (one for one in table.columns if one.name.partition(".")[0] == topic)
-    if _constant(column) and not (of_messages and any(_changes(one) for one in beside)):
-        found.append(f"constant at {column.low:g}")
-    return [f"{where}{column.name}: {line}" for line in found]
+    return any(_changes(one) for one in table.columns if one.name.partition(".")[0] == topic)
 
 
 def _constant(column: ColumnInfo) -> bool:

@@ -32,6 +32,7 @@ _MAGIC = {
 }
 _REFUSED = {
     b"\x89HDF\r\n\x1a\n": "an HDF5 file: save the columns as Parquet or CSV, or as MAT with -v7",
+    b"ARROW1": "a Feather or Arrow file: save it as Parquet",
     b"PARE": "an encrypted Parquet file: decrypt it first",
     b"#ROSBAG V1": "a ROS bag of version 1: convert it with `rosbag fix` to version 2",
     b"BZh": "a bzip2 archive: unpack it first",

@@ -77,7 +77,7 @@ class Draft:
                 name, tuple(os.path.relpath(f.resolve(), here) for f in self.seen[s].files),
                 _pattern(self.seen[s]) if self._apart(used) else "", self.seen[s].table.time,
                 self.seen[s].period, tuple(m for m in self.proposal.matches if m.source == s),
-                self._held(s), self.seen[s].every is not None,
+                self._held(s), self.seen[s].task, self.seen[s].every is not None,
             )
             for name, s in zip(names, used, strict=True)
         )  # fmt: skip
@@ -358,9 +358,14 @@ class Draft:
             lines += [f"  {name}: {what}" for name, what in asked]
             name, _, what = _cut(self.questions[0])
             lines.append(
-                f"  or said to init, on which times and the requirement rest then: evertwin init … "
+                f"  or answer here, and times and requirement are proposed by it: evertwin init … "
                 f"--force --answer {name}.{what.split()[0]}=…"
             )
+            if any(m.channel == "u" and m.column == ASK for m in self.proposal.matches):
+                lines.append(
+                    "  where several drive: an input and a channel for each of the others, in the "
+                    "model file too (docs/how-to/model-of-your-own.md)"
+                )
         if self.undescribed and self.model is not None:
             lines.append(
                 f"its {len(self.model.outputs)} joints are found, its bodies have to be described: "

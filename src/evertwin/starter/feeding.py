@@ -26,5 +26,7 @@ class Source:
     matches: tuple[Match, ...]
     holds: bool = False
     """Are these commands, which hold from one row to the next however far it is?"""
+    task: str = ""
+    """Column that tells one experiment from the next."""
     answered: bool = False
     """Is it a person who says how far the rows are apart?"""

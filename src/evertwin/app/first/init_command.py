@@ -20,6 +20,7 @@ from evertwin.machines.catalog import machine
 from evertwin.prognosis.outlook.lone_series import Wear, wear_in
 from evertwin.setup.configured_model import model_of
 from evertwin.sources.columns.names import unit_problem
+from evertwin.sources.recording import open_recording
 from evertwin.starter import (
     ARM,
     PUMP,
@@ -97,7 +98,8 @@ def write_starter(
     with Progress(LOOKED):
         lone = kind in ("", "python") and len(files) == 1 and not said.sources
         wear = wear_in(files[0]) if lone else None
-    if wear is not None and wear.alone:
+        alone = wear is not None and wear.alone and not _switches(files[0])
+    if wear is not None and alone:
         _name_life(files[0], wear, as_json)
         return
     answers = answers_of(said.answers)
@@ -222,6 +224,11 @@ def _write(draft: Draft, force: bool) -> dict[str, Any]:
         "model_file": str(own) if draft.kind == "python" else None, **draft.proposal.to_dict(),
         "questions": draft.questions,
     }  # fmt: skip
+
+
+def _switches(file: Path) -> bool:
+    """Does something switch there, which tells of a machine that is driven?"""
+    return any(c.kind == "boolean" for t in open_recording(file).tables for c in t.columns)
 
 
 def _name_life(file: Path, wear: Wear, as_json: bool) -> None:

@@ -56,6 +56,8 @@ FEW = 5
 """Values that tell where a series begins."""
 WHOLE, LEAST = 0.2, 0.2
 """A share begins so near to 1, and its limit is no less."""
+_AGAIN = 0.5
+"""Share of rows that are of the run of the row before, from which on a run has many."""
 SELDOM = 5.0
 """Seconds from one row to the next from which a table is no recording of motion."""
 
@@ -221,6 +223,8 @@ def wear_in(file: Path) -> Wear | None:
         return None
     if not columns or table.rows < 2 or not step >= SELDOM:
         return None
+    if clock in table.names and np.mean(np.diff(table.column(clock)) == 0.0) > _AGAIN:
+        return None  # a recording of each run, not a row
     of, series = _whose(table, clock, columns)
     columns = tuple(name for name in columns if name != of)
     begins = 1 if series == 1 else int(np.flatnonzero(np.diff(table.column(clock)) < 0)[0]) + 1

@@ -29,7 +29,7 @@ _DAY = rb"""(?:
     (?P<year>\d{4})[-./](?P<month>\d\d?)[-./](?P<day>\d\d?)
   | (?P<one>\d\d?)(?P<sign>[-./])(?P<two>\d\d?)(?P=sign)(?P<end>\d{4})
   | (?P<dotted>\d\d?)\.(?P<moon>\d\d?)\.(?P<short>\d\d)(?=[ ,T])  # of this century
-  | (?P<date>\d\d?)[-.\ ]{1,2}(?P<name>%s)[a-z]*[-.,\ ]{1,2}(?P<told>\d{4})
+  | (?P<date>\d\d?)[-.\ ]{1,2}(?P<name>%s)[a-z]*[-.,\ ]{1,2}(?P<told>\d{4}|\d\d(?=[ ,T]))
 )""" % b"|".join(_MONTHS)
 _HOUR = rb"""(?P<hour>\d{1,4})%b(?P<minute>\d\d)(?:%b(?P<second>\d\d)(?:[:.,](?P<part>\d+))?)?
     (?:\s*(?P<half>[ap])\.?m\.?)?"""
@@ -39,16 +39,21 @@ _DATE = re.compile(
     rb"\s*%b(?:(?:[T._]|,?\ {1,2})%b%b)?\s*" % (_DAY, _HOUR % (b"[:.]", b"[:.]"), _ZONE), _FLAGS
 )
 _CLOCK = re.compile(rb"\s*(?:(?P<days>\d+)\ days?,?\ )?%b\s*" % _HOUR % (b":", b":"), _FLAGS)
+_CELLS = frozenset(b";,|\t")
+"""What parts the cells of a row."""
 _OFFSETS = {b"": 0, b"Z": 0, b"UTC": 0, b"GMT": 0, b"CET": 3600, b"CEST": 7200}
 
 
 def is_date(cell: bytes) -> bool:
-    """Is it meant as a date, or as a time of day?
+    """Is it meant as a date, or as a time of day? A zone may stand behind it, but no more cells.
 
     >>> [is_date(c) for c in (b"13.01.2025", b"08:15:00", b"08:15", b"13.01", b"10.0.12")]
     [True, True, True, False, False]
+    >>> is_date(b"08:15:00 EST"), is_date(b"08:15:00;1,5;AUTO")
+    (True, False)
     """
-    return any(kind.match(cell) for kind in (_DATE, _CLOCK))
+    begun = (kind.match(cell) for kind in (_DATE, _CLOCK))
+    return any(_CELLS.isdisjoint(cell[found.end() :]) for found in begun if found is not None)
 
 
 _ALONE = re.compile(rb"\d{1,2}:\d\d(?::\d\d(?:[.,]\d+)?)?(?:\s*[ap]\.?m\.?)?", re.IGNORECASE)
@@ -147,6 +152,7 @@ def _days(found: re.Match[bytes], order: str) -> int:
         year, month, day = (int(found[k]) for k in ("year", "month", "day"))
     elif found["name"]:
         year, day = int(found["told"]), int(found["date"])
+        year += 2000 * (year < 100)  # of this century, as DATE-MON-YY of historians is
         month = 1 + _MONTHS.index(found["name"].lower())
     elif order in ("dmy", "mdy"):
         year = int(found["end"] or 2000 + int(found["short"]))

@@ -25,7 +25,7 @@ from evertwin.sources.clocks.stamps import NO_STAMP
 from evertwin.sources.columns.table import Column, Recording, Rows, Table
 from evertwin.types import Float64, Stamps, Vector
 
-_SECONDS = re.compile(r"^(.+?)([._/])(secs?|n(?:ano)?secs?)$")
+_SECONDS = re.compile(r"^(?:(.+?)[._/])?(secs?|n(?:ano)?secs?)$")
 _AXIS = re.compile(r"^(.+?)([._/]?)([xyzw])$")
 _FIX = re.compile(r"^(|.*[^a-z])(lat(?:itude)?|lon(?:gitude)?|lng|long)(?:[^a-z]deg)?$", re.I)
 _LIMIT = 2**63 * 1e-9
@@ -54,7 +54,7 @@ def computed(names: Sequence[str]) -> dict[str, Whole]:
     stamps, turns, fixes = (dict[str, dict[str, str]]() for _ in range(3))
     for name in names:
         if (found := _SECONDS.match(name)) is not None:
-            stamps.setdefault(found[1], {})[found[3][0]] = name
+            stamps.setdefault(found[1] or "stamp", {})[found[2][0]] = name
         elif (found := _AXIS.match(name)) is not None:
             whole = f"{found[1]}{found[2] or '_'}yaw"
             turns.setdefault(whole, {})[found[3]] = name
@@ -75,6 +75,8 @@ def computed(names: Sequence[str]) -> dict[str, Whole]:
 def parts_of(names: Iterable[str]) -> set[str]:
     """Columns that are parts of another, which is there.
 
+    >>> list(computed(["sec", "nanosec"]))
+    ['stamp']
     >>> sorted(parts_of(["stamp", "stamp.sec", "stamp.nanosec", "v.sec", "v.nanosec"]))
     ['stamp.nanosec', 'stamp.sec']
     """

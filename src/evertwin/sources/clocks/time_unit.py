@@ -55,6 +55,8 @@ _STATED, EPOCH = "stated in the heading", "counted from 1970"
 _NUMBER = re.compile(rb"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$")
 _FIRST, _LAST = 946_684_800, 4_102_444_800
 """The years 2000 and 2100 [s]."""
+_DAYS = 36_526, 73_051
+"""The same as a spreadsheet counts them, from 1900 on [d]."""
 
 
 class TimeGuess(NamedTuple):
@@ -158,11 +160,21 @@ def _by_size(stamps: np.ndarray, whole: bool) -> TimeGuess:
         unit = "ms" if step < 1e4 else "us" if step < 1e6 else "ns"
         unit = "s" if step <= 3600 and step % 60 == 0 else unit  # nobody samples each 60 ms
         return TimeGuess(unit, f"whole numbers that advance by {step:g} a row", False, step)
-    return TimeGuess("s", f"advances by {step:g} a row", True, step)
+    said, seconds = f"advances by {step:g} a row", 86_400 * step
+    odd = abs(step - float(f"{step:.3g}")) > 1e-4 * step  # for seconds, and whole if it is days
+    if _DAYS[0] <= number < _DAYS[1] and odd and 1 <= round(seconds, 2) == round(seconds):
+        said += f", which is {seconds:.0f} s if days are counted as in a spreadsheet: write dates"
+        return TimeGuess("s", said, False, step)
+    return TimeGuess("s", said, True, step)
 
 
 NAMES = ("t", "time", "timestamp", "stamp", "times", "datetime", "date", "zeit", "seconds", "secs")
 """Usual first words of a column of time."""
+_PERHAPS = {
+    "epoch", "unix", "unixtime", "utc", "ts", "elapsed", "uptime", "zeitstempel", "temps", "tiempo",
+    "tempo", "tijd",
+}  # fmt: skip
+"""First words of one that grows: a ``Ts`` may be a constant; an epoch that counts is a round."""
 
 
 _OWN = ["header", "stamp"]
@@ -175,12 +187,15 @@ def time_column(table: Table) -> Column | None:
     A bag's own stamps come first; then calendar stamps; then usual names; then times of day; then
     dates without a time; then a unit of time that the file states of a column that grows; then the
     first column, if it is a number that grows all through the first rows, and nearly all through
-    thousands. A message's number in its sequence is no time, nor is what states a unit of anything
-    else; a ``t`` that falls as often as it grows is a temperature.
+    thousands. What counts rows is no time, nor is what states a unit of anything else; a ``t`` that
+    falls as often as it grows is a temperature.
     """
     columns = table.columns
     numbers = [c for c in columns if c.kind == "number" and not _states(c, of_time=False)]
     usual = [c for c in numbers if _usual(c) and (_named(c) or _grows(table, c, 0.1))]
+    usual = usual or [c for c in numbers if _may_be(c) and _grows(table, c, 0.1)]
+    rounds = [c for c in usual if "epoch" in _words(c.name)[:1]]
+    usual = [c for c in usual if c not in rounds or _goes_on(table, c, 0.1)]
     dated = sorted(
         ((_lacks(table, column), column) for column in columns if column.kind == "time"),
         key=lambda pair: pair[0],
@@ -194,7 +209,7 @@ def time_column(table: Table) -> Column | None:
     several = sum(column.kind == "number" for column in columns) > 1
     if not several or columns[:1] != tuple(numbers[:1]) or "seq" in _words(columns[0].name):
         return None
-    return columns[0] if _grows(table, columns[0], 0.01) else None
+    return columns[0] if _goes_on(table, columns[0], 0.01) else None
 
 
 def _states(column: Column, of_time: bool) -> bool:
@@ -211,14 +226,36 @@ def _named(column: Column) -> bool:
     return any(one and (one[0] != "t" or _ALL_HINTS.issuperset(one[1:])) for one in said)
 
 
+def _goes_on(table: Table, column: Column, back: float) -> bool:
+    """Does it grow, and not by one a row? What is counted from 1970 may."""
+    counts = bool(len(steps := _steps(table, column)) and (steps == 1.0).mean() > _COUNTS)
+    if counts and not _since_1970(table, column):
+        return False
+    return _grows(table, column, back)
+
+
+def _since_1970(table: Table, column: Column) -> bool:
+    rows = next(iter(table.rows([column.name], None, strict=False)))
+    return guess("", rows.values[:1000, 0]).evident
+
+
+_COUNTS = 0.9
+"""Share of steps of one from which on a column counts the rows."""
+
+
+def _steps(table: Table, column: Column) -> np.ndarray:
+    """From row to row, in the first rows."""
+    rows = next(iter(table.rows([column.name], None, strict=False)), None)
+    steps = np.diff(rows.values[:, 0]) if rows is not None else np.zeros(0)
+    return steps[np.isfinite(steps)]
+
+
 def _grows(table: Table, column: Column, back: float) -> bool:
     """Does it grow through the first rows, and through thousands but for a share of steps
     ``back``? An angle, too, grows for a while."""
-    rows = next(iter(table.rows([column.name], None, strict=False)), None)
-    if rows is None or len(rows.line) < 3:
+    steps = _steps(table, column)
+    if len(steps) < 2:
         return False
-    steps = np.diff(rows.values[:, 0])
-    steps = steps[np.isfinite(steps)]
     first = back > 0.01 or bool((steps[:100] >= 0).all())
     return first and bool((steps > 0).mean() > 0.5) and bool((steps < 0).mean() < back)
 
@@ -239,6 +276,10 @@ def _of_one_day(table: Table, column: Column) -> Column:
 
 def _usual(column: Column) -> bool:
     return any(map(is_usual, (column.name, *column.also)))
+
+
+def _may_be(column: Column) -> bool:
+    return any(not _PERHAPS.isdisjoint(_words(name)[:1]) for name in (column.name, *column.also))
 
 
 def is_usual(name: str) -> bool:

@@ -85,6 +85,16 @@ class ColumnInfo:
     also: tuple[str, ...] = ()
     """Further names that the file gives it."""
 
+    @property
+    def counts(self) -> bool:
+        """Does it go up by one from row to row, and so tells no more than the row?
+
+        >>> ColumnInfo("k", "number", "", 9, 0, 0, low=1.0, high=9.0, changes=9).counts
+        True
+        """
+        counted = self.high - self.low == self.count - 1 and float(self.low).is_integer()
+        return self.kind == "number" and self.changes == self.count > 2 and counted
+
 
 @dataclass(frozen=True)
 class ClockInfo:

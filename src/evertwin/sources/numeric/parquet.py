@@ -118,7 +118,7 @@ def _kind(type_: Any) -> str:
         return "boolean"
     if types.is_integer(type_) or types.is_floating(type_) or types.is_decimal(type_):
         return "number"
-    if types.is_timestamp(type_) or types.is_date(type_):
+    if types.is_timestamp(type_) or types.is_date(type_) or types.is_duration(type_):
         return "time"
     flat = (types.is_string, types.is_large_string, types.is_dictionary, types.is_string_view)
     return "text" if any(test(type_) for test in flat) else ""

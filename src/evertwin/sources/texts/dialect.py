@@ -34,6 +34,7 @@ from typing import Literal, NamedTuple
 from evertwin.errors import DataError, UsageError
 from evertwin.sources.clocks.dates import is_date
 from evertwin.sources.columns.names import unit_problem
+from evertwin.sources.texts.switches import kinds_of_columns
 
 MOST = 5
 """Heading lines of a table."""
@@ -336,7 +337,7 @@ def detect(lines: Sequence[bytes], stated: Stated = FOUND) -> Dialect:
         headings = Headings(named_in_comment(above, sign, fields))
     if headings.names and len(headings.names) != fields:
         headings, fields = reconciled(headings, fields, table[headed:])
-    columns = _kinds_of_columns(kinds[headed:], fields)
+    columns = kinds_of_columns(kinds[headed:], table[headed:], fields)
     even = body[fields] / body.total()
     return Dialect(delimiter, comma, headings, data[headed][0], fields, columns, even, encoding)
 
@@ -388,12 +389,3 @@ def _heading_lines(kinds: Sequence[str]) -> int:
         if "t" not in kind or set(kind) & set("nbd"):
             return count
     return 1
-
-
-def _kinds_of_columns(kinds: Sequence[str], fields: int) -> str:
-    full = [kind for kind in kinds if len(kind) == fields]
-    out = []
-    for j in range(fields):
-        seen = Counter(kind[j] for kind in full if kind[j] != "?")
-        out.append(seen.most_common(1)[0][0] if seen else "?")
-    return "".join(out)

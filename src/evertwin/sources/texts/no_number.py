@@ -1,7 +1,7 @@
 """One cell of a text table: a number, no value, or a word.
 
->>> number_of(b"1.5"), number_of(b"n/a"), number_of(b"on")
-(1.5, nan, None)
+>>> number_of(b"1.5"), number_of(b"n/a"), number_of(b"on"), number_of(b"on", switch=True)
+(1.5, nan, None, 1.0)
 """
 
 from __future__ import annotations
@@ -9,14 +9,18 @@ from __future__ import annotations
 import re
 
 from evertwin.sources.texts.dialect import MISSING, TRUTH
+from evertwin.sources.texts.switches import SWITCHED
 
 _NONE = re.compile(rb"[+-]?1\.#(ind|qnan|snan|inf)0*", re.IGNORECASE)
 """What Windows prints of a division by zero."""
 
 
-def number_of(cell: bytes) -> float | None:
-    """The number of one cell, NaN for an empty one, None for text."""
+def number_of(cell: bytes, switch: bool = False) -> float | None:
+    """The number of one cell, NaN for an empty one, None for text; ``switch``: in a column of
+    words that say whether something is on."""
     low = cell.lower()
+    if switch and low in SWITCHED:
+        return SWITCHED[low]
     if low in MISSING:
         return float("nan")
     if low in TRUTH:

@@ -318,7 +318,7 @@ class _Piece:
     ) -> Float64[np.ndarray, " n"]:
         out = np.full(len(kept), np.nan)
         for i, cell in enumerate(self._column(kept, j)):
-            number = number_of(cell)
+            number = number_of(cell, self.table.dialect.kinds[j] == "b")
             if number is not None:
                 out[i] = number
                 continue

@@ -7,6 +7,8 @@ Where words do not tell, a signal in steps is what somebody set: what is measure
 
 >>> told("Pump (V)"), told("Level lower tank (V)"), told("V1"), told("pump speed")
 (1, -1, 0, 0)
+>>> told("valve position [%]"), told("Ventilstellung V7")
+(1, 1)
 >>> told("SIC-101.OUT"), told("FIC-101.PV"), told("FV-101.ZT"), told("TT-7", "degC")
 (2, -2, 1, -1)
 >>> told("Zone1.Y", "%", {"Zone1.X": "degC", "Zone1.Y": "%"})
@@ -31,7 +33,7 @@ IN, OUT = {"u", "in", "input"}, {"y", "out", "output"}
 """First words of a heading that name the one or the other."""
 DRIVES = {
     "pump", "valve", "heater", "heating", "fan", "throttle", "servo", "actuator", "drive", "pwm",
-    "duty", "esc", "stimulus", "excitation", "input", "inflow", *QUANTITIES["voltage"],
+    "duty", "esc", "stimulus", "excitation", "input", "inflow", "outflow", *QUANTITIES["voltage"],
 }  # fmt: skip
 ANSWERS = {
     "level", "gap", "height", "displacement", "thrust", "response", *QUANTITIES["temperature"],
@@ -58,7 +60,8 @@ def told(name: str, unit: str = "", beside: Mapping[str, str] = MappingProxyType
     said = words(name)
     roles = _of_loop(name, beside) or {"command": 2, "measured": -2}.get(role(said), 0)
     drives = not DRIVES.isdisjoint(said) or _VALVE.search(name) is not None
-    answers = not ANSWERS.isdisjoint(said) or same_kind(unit, "K")
+    moved = QUANTITIES["position"] if "valve" in said else set[str]()  # what it is set to
+    answers = not (ANSWERS - moved).isdisjoint(said) or same_kind(unit, "K")
     return _first(said) + roles + drives - (answers and AMBIENT.isdisjoint(said))
 
 

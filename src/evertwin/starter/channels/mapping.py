@@ -193,21 +193,26 @@ def _room(
 
 
 def _heated(missing: Sequence[str], seen: Sequence[Seen]) -> tuple[Match, ...]:
-    """What is heated: of two temperatures whose words say nothing the one that moves far more."""
+    """What is heated: of two temperatures whose words say nothing the one that moves far more; the
+    one beside that of the room."""
     could = [
         (float(np.nanstd(one.rows[:, i])), s, column)
         for s, one in enumerate(seen)
         for i, column in enumerate(one.columns)
         if is_temperature(column) and HEATER.isdisjoint(words(column.name))
-    ]
-    told = not AMBIENT.isdisjoint(w for *_, column in could for w in words(column.name))
-    if "box" not in missing or told or len(could) != 2:
+        and column.low != column.high and role(words(column.name)) not in ("command", "other")
+    ]  # fmt: skip
+    if "box" not in missing or len(could) != 2:
         return ()
     (little, *_), (much, s, column) = sorted(could, key=lambda one: one[0])
-    if not much > FAR * little:
+    rooms = [not AMBIENT.isdisjoint(words(one.name)) for *_, one in could]
+    why = "the temperature that moves most: please check"
+    if any(rooms):
+        *_, s, column = could[rooms.index(False)] if not all(rooms) else could[0]
+        why = "the temperature beside that of the room: please check"
+    if all(rooms) or not (any(rooms) or much > FAR * little):
         return ()
     unit, scale, _ = unit_of("K", column)
-    why = "the temperature that moves most: please check"
     return (Match("box", s, column.name, column.unit or unit, why, scale),)
 
 
@@ -280,19 +285,22 @@ def _first_two(seen: Sequence[Seen]) -> tuple[Match, ...]:
     answers = min(rest, key=lambda c: (c not in moving, rank[c.name], c.name in in_steps))
     unmoved = max(rank.values()) <= 0  # a speed of which nobody says by what may drive
     place = any(words(c.name)[:1] == ["x"] for c in moving)  # beside an x, y is one, too
-    out = []
+    both = []
     for name, column, sign in (("u", drives, 1), ("y", answers, -1)):
         mine = sign * rank[column.name]
         alike = [c for c in moving if sign * rank[c.name] >= mine]
         says = mine >= NAMED or (mine > 0 and alike == [column])
         says = says and not (sign < 0 and (place or (unmoved and _moves(column))))
-        if says or len(moving) <= 2:
+        both.append((name, column, mine, alike, says or len(moving) <= 2))
+    taken = {column.name for _, column, _, _, says in both if says}
+    out = []
+    for name, column, mine, alike, says in both:
+        if says:
             why = "assumed: by its words" if mine > 0 else "assumed: by its place"
             if mine <= 0 and len(in_steps) == 1 and rank[drives.name] == rank[answers.name]:
                 why = f"assumed: {min(in_steps)} moves in steps, as what is set does"
             out.append(Match(name, source, column.name, _stated(column), why))
         else:
-            taken = {match.column for match in out}
             alike = alike if mine > 0 and len(alike) > 1 else moving
             could = [c.name for c in alike if c.name not in taken]
             which = f"which one {'drives' if name == 'u' else 'answers'}? {listed(could, 4)}"

@@ -4,6 +4,8 @@
 ('setpoint-speed', 'current', 'temperature')
 >>> english("Istdrehzahl Achse 3"), english("Lagesollwert"), english("q_2")
 ('actual speed joint 3', 'setpoint position', 'q_2')
+>>> english("Ventilstellung V7"), english("Zulauf")
+('valve position V7', 'inflow')
 """
 
 from __future__ import annotations
@@ -27,6 +29,8 @@ ABROAD = {
     "valve": "ventil vanne valvula valvola",
     "level": "fullstand fuellstand pegel niveau nivel livello",
     "flow": "durchfluss volumenstrom foerderstrom debit caudal portata",
+    "inflow": "zulauf zufluss afflux afflusso",
+    "outflow": "ablauf abfluss ablass auslauf deflusso",
     "pressure": "druck foerderdruck enddruck pression presion pressione",
     "power": "leistung puissance potencia potenza",
     "distance": "abstand strecke",
@@ -40,6 +44,8 @@ ABROAD = {
 }
 """The word of the field → words for it, without accents."""
 _ENGLISH = {word: name for name, several in ABROAD.items() for word in several.split()}
+_PARTS = ("ventil", "pumpe")
+"""Of what a compound tells something."""
 _COMPOUND = re.compile(
     "(soll|ist|raum|umgebungs|aussen)?[a-z]*?(geschwindigkeit|drehzahl|position|stellung|winkel|beschleunigung"
     "|drehmoment|moment|kraft|strom|spannung|temperatur|lage(?=soll|ist))(?:s|en)?(soll|ist)?(?:wert)?"
@@ -65,4 +71,5 @@ def _said(word: str) -> str:
         return word
     said = _ENGLISH.get(compound[2], compound[2])
     first = (compound[1] or "").removesuffix("s") or compound[3]
+    first = first or next((w for w in _PARTS if known.startswith(w)), "")
     return f"{_ENGLISH[first]} {said}" if first else said

@@ -109,6 +109,19 @@ class Seen:
         several = set.intersection(*said) if len(said) > 1 else set[str]()
         return frozenset(word for word in several if word.isdigit())
 
+    @cached_property
+    def task(self) -> str:
+        """The column that tells one experiment from the next: it changes exactly where time, or
+        another column that else always grows, falls; empty: none."""
+        clocks = [*self.rows.T] if self.t is None else [self.t]
+        for clock in clocks:
+            falls = np.diff(clock) < 0.0
+            if falls.any() and np.all(np.diff(clock)[~falls] > 0.0):
+                for k, column in enumerate(self.columns):
+                    if np.array_equal(np.diff(self.rows[:, k]) != 0.0, falls):
+                        return column.name
+        return ""
+
     @property
     def about(self) -> str:
         """What names it says beyond its headings: the topic, or the name of its file."""
@@ -181,11 +194,11 @@ def _machines(table: TableInfo) -> TableInfo:
 
 
 def _counts(column: ColumnInfo, table: TableInfo) -> bool:
-    """Does a column go up by one from row to row, and say that it counts?"""
-    if table.time is not None and column.name == table.time.column:
+    """Does a column go up by one from row to row, and say that it counts, or come first?"""
+    if column.unit or (table.time is not None and column.name == table.time.column):
         return False
-    named = not COUNTED.isdisjoint(words(column.name)) and not column.unit
-    return named and column.count > 1 and column.high - column.low == column.count - 1
+    named = not COUNTED.isdisjoint(words(column.name))
+    return (named or column is table.columns[0]) and column.counts
 
 
 def _widened(one: TableInfo, other: TableInfo) -> TableInfo:

@@ -199,6 +199,6 @@ class _Rows:
         row: dict[str, Raw] = {}
         for name, place in self._places:
             timely = name == self.source.decoder.time
-            number = None if timely else number_of(cells[place])
+            number = None if timely else number_of(cells[place], d.kinds[place] == "b")
             row[name] = cells[place] if number is None else number
         return [row]
