@@ -211,3 +211,13 @@ def test_wear_at_a_date_moves_the_parameter() -> None:
     later = SCENARIO.parse('schema = 1\nname = "in ten runs"\nwear = 10', "s.toml")
     worn = twin.whatif(later, table).worn["gain"]
     assert worn["low95"] < 0.75 < worn["high95"] and worn["to"] == pytest.approx(0.75, abs=0.01)
+
+
+def test_maintenance_needs_no_recording_where_a_limit_does() -> None:
+    """A limit that is asked as an accuracy is looked for in recorded work."""
+    asked = spec.AccuracySpec("x", 0.1, relative=True)
+    felt = replace(GEARBOX, limit=None, accuracy=asked)
+    twin = cart(felt)
+    table = wear(twin, 3)
+    twin.maintained("gearbox", "gearbox replaced")
+    assert isinstance(twin.life(data=table).components["gearbox"].life, NotEnough)
