@@ -54,9 +54,7 @@ def watched(
     return state, rows
 
 
-def known_of(
-    setup: Setup, twin: TwinState, model: Model, p: ParameterVector
-) -> ExternalState:
+def known_of(setup: Setup, twin: TwinState, model: Model, p: ParameterVector) -> ExternalState:
     """How far a version that goes live is usually off, by the kept rows: else the machine would be
     unwatched until that is learned. Of one with states nothing is known."""
     state, stage = setup.external.init(), setup.external
