@@ -59,7 +59,8 @@ def since_better(losses: Any, rule: Any, lengths: Any, grid: Any, state: Any) ->
 
     Args as in `run`, but: ``losses`` of both versions, and the last row, (m, 3); the last
     of ``rule`` is how often they have to have begun anew, which ``harm`` counts, before the last
-    row of their first segment and the sum of the squared differences of both since.
+    row of their first segment and, unless a checkpoint is older than that, the sum of the squared
+    differences of both since.
     """
     ahead, _, sums, harm, tally = state
     for i in range(losses.shape[0]):
@@ -71,12 +72,12 @@ def since_better(losses: Any, rule: Any, lengths: Any, grid: Any, state: Any) ->
             ahead[0][:], ahead[1][:], ahead[2][:] = 0.0, 0, 0.0
             ahead[3][:], ahead[4][:], ahead[5][:] = 0.0, 0.0, 0.0
             harm[0] += 1.0
-            harm[2] = 0.0
+            harm[2:] = 0.0
             continue
         if tally[1] == 0:
             harm[1] = losses[i, 2]
         # by the sum of both: a few large deviations while the machine goes back must not decide
-        harm[2] += (live - other) * (live - other)
+        harm[2:] += (live - other) * (live - other)
         whole = max(live + other, 1e-300)
         place(live / whole, other / whole, rule[0], lengths, grid, ahead)
         sums[0] += live

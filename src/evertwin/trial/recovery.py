@@ -87,7 +87,8 @@ class Recovery:
         (True, False)
         """
         live, other = float(state.sums[0]), float(state.sums[1])
-        sure = live - other >= self.sure * math.sqrt(float(state.harm[2]))
+        squares = state.harm[2:]  # a checkpoint that is older knows none
+        sure = len(squares) and live - other >= self.sure * math.sqrt(float(squares[0]))
         return bool(state.tally[1] >= self.segments and other <= (1.0 - self.worse) * live and sure)
 
     def verdict(self, state: GateState) -> tuple[bool, dict[str, Any]]:
