@@ -116,3 +116,33 @@ def test_a_clog_while_its_numbers_are_on_trial_is_a_change(seed: int) -> None:
     (found,) = result.of_kind("changed")
     assert abs(found.evidence["row"] - 600) <= 20  # type: ignore[operator]
     assert result.parameters["outflow"].value == pytest.approx(0.0015, rel=0.03)
+
+
+def leaking(x, u, dt, p):  # type: ignore[no-untyped-def]
+    held = 2.718281828459045 ** (-p[1] * dt)
+    level = x[0] * held + p[0] / p[1] * (1.0 - held) * u[0]
+    return [level], [level]
+
+
+@first_of("seed", range(4))
+def test_what_follows_a_gap_without_any_noise_is_in_no_other_unit(seed: int) -> None:
+    """It misses smoothly what its model is off by: that is less than usual, as a factor's noise."""
+    rng = np.random.default_rng(seed)
+    u = np.repeat(rng.uniform(0.0, 1.0, 200), rng.integers(20, 90, 200))[:2000]
+    y = np.zeros(2000)
+    for k in range(1, 2000):
+        y[k] = leaking([y[k - 1]], [u[k - 1]], 0.02, [2.02, 1.01])[0][0]
+    t = 0.02 * np.arange(2000) + np.arange(2000) // 500  # a second's gap before each part
+    model = translated(FunctionModel(
+        leaking, Layout.of(u="1"), Layout.of(y="1"), Layout.of(y="1"),
+        Parameters((Parameter("gain", 1.95, "1/s"), Parameter("leak", 0.93, "1/s", low=1e-3))),
+    ))  # fmt: skip
+    settings = TwinSpec(
+        "leak", spec.ModelSpec("x"), beat=spec.Span(20),
+        prediction=spec.PredictionSpec(horizon=0.2),
+        anomaly=spec.AnomalySpec(requirement=0.005, relative=False, window=spec.Span(125)),
+        tuning=spec.TuningSpec(window=spec.Span(400)),
+    )  # fmt: skip
+    result = Twin(settings, model).run({"t": t, "u": u, "y": y})
+    assert not result.of_kind("measurement_error", "overruled")
+    assert result.parameters["leak"].value == pytest.approx(1.01, rel=1e-3)

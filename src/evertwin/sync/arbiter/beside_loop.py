@@ -45,6 +45,10 @@ FEW = 8
 """Rows from which the line is asked."""
 STEADY = 0.3
 """Variance of the state at the beginning over that of the noise."""
+SILENT = 0.1
+"""Part of what predictions are off by, squared, that a sensor's noise is of at least."""
+DIGITS = 1e-6
+"""Part of a value that noise is of at least; nearer it is how numbers are rounded."""
 NEAR = 0.2
 """How near to a factor the slope has to be, and be known [of the factor]."""
 
@@ -65,6 +69,14 @@ def is_doubtful(case: Case, g: int, size: int, verdict: int, starts: bool) -> bo
         if limits[j, at.ADOPTS] > 0 and (verdict != OK or off * off > gate):
             return True
     return False
+
+
+@njit(**COLD)
+def is_silent(values: Any, j: int, y: float) -> bool:
+    """Has a sensor next to no noise of its own? What predictions are off by is the model's then,
+    which goes on smoothly; that it is less than usual says nothing of a factor."""
+    own, off = max(values[j, at.NOISE], 0.0), values[j, at.BASE]
+    return bool(own < SILENT * off or off < DIGITS * DIGITS * y * y)
 
 
 @njit(**COLD)
@@ -91,7 +103,8 @@ def begin(case: Case, g: int, size: int, now: Any, how: int, believed: bool) -> 
         account[j, at.BESIDE_OFF] = off - values[j, at.NU] if how != STARTED else 0.0
         # Of a few samples it is a guess that is far too large, by which any line is a factor's.
         # The one that starts now has told nothing of it, nor have the first two of all.
-        guessed = how == STARTED and numbers[g, at.SAMPLES] - 3 < at.LEARN
+        guessed = numbers[g, at.SAMPLES] - 3 < at.LEARN or is_silent(values, j, y[j])
+        guessed = guessed and how == STARTED
         account[j, at.BESIDE_NOISE] = np.inf if guessed else 0.5 * values[j, at.BASE]
         # What crept was followed for a while already.
         account[j, at.BESIDE_LAG] = abs(off) if how == CREPT and believed else 0.0
