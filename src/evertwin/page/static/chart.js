@@ -341,10 +341,15 @@ function cross(pen, x, y) {
 function ticks(low, high, most) {
   const raw = (high - low) / most;
   const ten = 10 ** Math.floor(Math.log10(raw));
-  const step = [1, 2, 5, 10].map((k) => k * ten).find((one) => one >= raw) ?? 10 * ten;
-  const found = [];
-  for (let v = Math.ceil(low / step) * step; v <= high; v += step) found.push(Math.abs(v) < step / 1e6 ? 0 : v);
-  return found;
+  const steps = [0.5, 1, 2, 5, 10].map((k) => k * ten);
+  const at = (step) => {
+    const found = [];
+    for (let v = Math.ceil(low / step) * step; v <= high; v += step) found.push(Math.abs(v) < step / 1e6 ? 0 : v);
+    return found;
+  };
+  const usual = steps.findIndex((one) => one >= raw);
+  const found = at(steps[usual]);
+  return found.length < 3 ? at(steps[usual - 1]) : found; // one line alone tells no scale
 }
 
 const STEPS = [0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 21600, 43200, 86400, 604800];
