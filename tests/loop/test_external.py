@@ -318,16 +318,17 @@ def test_rows_of_a_speed_that_did_not_answer_are_in_no_window(end: int) -> None:
     assert "tuned" not in kinds(said)
 
 
+@pytest.mark.parametrize("at", [60, -30])
 @first_of("seed", range(3))
-def test_a_contact_right_behind_a_promotion_is_told(seed: int) -> None:
+def test_a_contact_about_a_promotion_is_told(seed: int, at: int) -> None:
     """How far the new version is usually off is known by the rows before it went live."""
     worn = rows(wear=8.0, seed=seed, n=7000)
     with Twin(AXIS) as twin:
         (live,) = twin.run((worn,)).of_kind("promoted")
     pushed = worn.y.copy()
-    pushed[live.row + 60 : live.row + 60 + LONG] += 30.0
+    pushed[live.row + at : live.row + at + LONG] += 30.0
     with Twin(AXIS) as twin:
         result = twin.run((worn._replace(y=pushed),))
     (contact,) = result.of_kind("external")
-    assert abs(contact.evidence["first"] - live.row - 60) <= 10
+    assert abs(contact.evidence["first"] - live.row - at) <= 10
     assert len(result.of_kind("promoted")) == 1 and result.champion.number == 1

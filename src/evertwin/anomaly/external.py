@@ -220,13 +220,6 @@ class External:
             tuple(self.names[k] for k in which), tuple(levels[which].tolist()), first, last
         )
 
-    def told(self, state: ExternalState) -> ExternalState:
-        """With nothing to say of what was found. Consumes ``state``."""
-        machine = state.machine
-        machine[loop.FOUND] = machine[loop.NEWS] = machine[loop.OWN] = 0
-        machine[loop.BLIND], state.figures[:, loop.TOLD] = 0, 0.0
-        return state
-
     def beat(self, state: ExternalState) -> tuple[ExternalState, Told]:
         """What a beat has to say. Consumes ``state``."""
         contact, machine = self.found(state), state.machine

@@ -45,8 +45,7 @@ def watched(
     """
     if setup.external.longest == 0:
         return twin.external, rows
-    seen = _seen(setup, model, p, rows, y)
-    seen.r[setup.recurrence.inside(twin.recurrence, rows.u)] = np.nan
+    seen = _seen(setup, twin, model, p, rows, y)
     state, marked = setup.external.step(twin.external, seen)
     if marked.any():
         mark = rows.mark[:, rows.u.shape[1] :]
@@ -60,20 +59,28 @@ def known_of(setup: Setup, twin: TwinState, model: Model, p: ParameterVector) ->
     state, stage = setup.external.init(), setup.external
     if stage.longest == 0 or len(model.states):
         return state
-    for rows in setup.ring.between(twin.ring, twin.row - BEHIND * int(stage.rule[2]), twin.row):
-        never = Restart.never(len(rows.t), len(model.outputs))
-        y = roll(kernel_of(model), np.empty(0), rows.u, rows.dt, p, never)[1]
-        seen = _seen(setup, model, p, rows, y)
-        seen.r[rows.mark[:, rows.u.shape[1] :] == Mark.EXTERNAL] = np.nan
-        state, _ = stage.step(state, seen)
-    return stage.told(state)
+    first = max(twin.row - BEHIND * int(stage.rule[2]), twin.agenda.since)
+    # what is at work is not told yet; what was before that was, of the version before
+    at_work = stage.since(twin.external) if stage.on(twin.external) else twin.row
+    for start, stop in ((first, at_work), (at_work, twin.row)):
+        state, _ = stage.beat(state)
+        for rows in setup.ring.between(twin.ring, max(start, first), stop):
+            never = Restart.never(len(rows.t), len(model.outputs))
+            y = roll(kernel_of(model), np.empty(0), rows.u, rows.dt, p, never)[1]
+            seen = _seen(setup, twin, model, p, rows, y)
+            external = rows.mark[:, rows.u.shape[1] :] == Mark.EXTERNAL
+            seen.r[external & (start < at_work)] = np.nan
+            state, _ = stage.step(state, seen)
+    return state if at_work < twin.row else stage.beat(state)[0]
 
 
 def _measured(mark: np.ndarray) -> np.ndarray:
     return np.asarray((mark != Mark.ABSENT) & (mark != Mark.ERROR))
 
 
-def _seen(setup: Setup, model: Model, p: ParameterVector, rows: Block, y: Outputs) -> Seen:
+def _seen(
+    setup: Setup, twin: TwinState, model: Model, p: ParameterVector, rows: Block, y: Outputs
+) -> Seen:
     mark, u = rows.mark[:, rows.u.shape[1] :], rows.u
     measured = np.where(_measured(mark), rows.y, np.nan)
     columns, unsaid = setup.judged_by
@@ -89,6 +96,7 @@ def _seen(setup: Setup, model: Model, p: ParameterVector, rows: Block, y: Output
         beyond = np.sign(off) * np.maximum(np.abs(off) - width, 0.0)
         r[stands] = np.where(moving[stands], r[stands], beyond)
         half[stands] = np.where(moving[stands], 0.0, width)
+    r[setup.recurrence.inside(twin.recurrence, u)] = np.nan
     return Seen(rows.row, rows.t, r, half, v, moving, y)
 
 
