@@ -136,7 +136,9 @@ def demo(
     speed: Annotated[
         float, typer.Option(min=0.1, max=100.0, help="Time-lapse of the live machines.")
     ] = 10.0,
-    seconds: Annotated[float, typer.Option(min=1.0, help="Length of the live one, at least.")] = 90.0,
+    seconds: Annotated[
+        float, typer.Option(min=1.0, help="Length of the live one, at least.")
+    ] = 90.0,
     headless: Annotated[bool, typer.Option("--headless", help="Nothing but the end.")] = False,
     as_json: AsJson = False,
 ) -> None:
