@@ -15,6 +15,7 @@ from evertwin.service.site.site_plan import read_site
 from evertwin.service.twin import life_watch as lives
 from evertwin.service.twin.life_watch import lived, tell_lives
 from evertwin.service.twin.live_twin import AtWork
+from evertwin.service.twin.process import Process
 from evertwin.service.twin.questions import ROWS
 from evertwin.service.twin.runner import Runner
 from evertwin.store import Batch, Estimate
@@ -104,7 +105,7 @@ def test_lives_are_told_after_each_new_value(
     monkeypatch.setattr(lives, "beside", beside)
 
     async def heard() -> list[int]:
-        runner, found = Runner(placed(tmp_path), tmp_path / "store", set()), []
+        runner, found = Runner(placed(tmp_path), tmp_path / "store", Process()), []
         monkeypatch.setattr(runner, "_out", lambda kind, said: found.append(said["asked"]))
         runner.work = type("Work", (), {"estimates": 0})()  # type: ignore[assignment]
         task = asyncio.create_task(tell_lives(runner))

@@ -27,6 +27,7 @@ from evertwin.service.http.stream import stream
 from evertwin.service.service import Service
 from evertwin.service.site.site_plan import read_site
 from evertwin.service.twin import runner as room
+from evertwin.service.twin.process import Process
 from evertwin.service.twin.runner import Runner
 from evertwin.sources.live.contract import Health
 from evertwin.store import SqliteStore
@@ -74,7 +75,7 @@ def run(
     async def go() -> Runner:
         (folder / "store").mkdir(exist_ok=True)
         plan = read_site(file).twins[0]
-        one = Runner(plan, folder / "store", set())
+        one = Runner(plan, folder / "store", Process())
         await one.start()
         await during(one)
         await one.stop()
@@ -293,7 +294,7 @@ def test_a_slow_reader_gets_the_newest_and_is_told(
         for serial in range(6, 400):
             one.serial = serial
             one.rows.append((serial, {"row": [serial]}))
-            for listener in service.listeners:
+            for listener in service.process.listeners:
                 listener.set()
             await asyncio.sleep(0.001)
         await asyncio.wait_for(serving, 10)
@@ -305,7 +306,7 @@ def test_a_slow_reader_gets_the_newest_and_is_told(
     for before, one in pairwise(rows):
         assert one["rows"]["row"][0] - before["rows"]["row"][0] - 1 == one["missed"]
     assert socket.code == 4401  # its token was no longer one
-    assert not service.listeners
+    assert not service.process.listeners
 
 
 def test_silence_is_stale_and_alarms_are_told() -> None:

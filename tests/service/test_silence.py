@@ -16,6 +16,7 @@ from evertwin.fold import Chunk
 from evertwin.service.health.condition import Condition
 from evertwin.service.site.site_plan import read_site
 from evertwin.service.twin import runner as room
+from evertwin.service.twin.process import Process
 from evertwin.service.twin.quiet_sources import Silence
 from evertwin.service.twin.runner import Runner
 from evertwin.sources.live.contract import Health
@@ -76,7 +77,7 @@ def robot(folder: Path, timeout: str, monkeypatch: pytest.MonkeyPatch) -> Runner
 
     monkeypatch.setattr(room, "open_live", opened)
     plan = read_site(folder / "site.toml").twins[0]
-    return Runner(plan, folder / "store", set())
+    return Runner(plan, folder / "store", Process())
 
 
 async def watched(one: Runner, seconds: float) -> dict[str, Any]:

@@ -193,14 +193,17 @@ class Live:
         self._alignment.check(chunk)  # what does not fit is neither stored nor folded
         return self._samples.keep(chunk) if self.lasting else Numbered(0, chunk)
 
-    def fold(self, kept: Numbered) -> None:
-        """What was kept, in the order in which it was."""
+    def fold(self, kept: Numbered, *, more: bool = False) -> None:
+        """What was kept, in the order in which it was; ``more`` follows at once."""
         self._number, chunk = kept
         if self._aside(chunk):
             return
         self._pushed.append(chunk)
         self._room -= len(chunk.t)
-        waits = self._room > 0 and time.perf_counter() < self._folded + TOGETHER
+        if more:
+            waits = len(self._pushed) < MOST
+        else:
+            waits = self._room > 0 and time.perf_counter() < self._folded + TOGETHER
         if not (waits and chunk.task == self._newest):
             self.settle()
 

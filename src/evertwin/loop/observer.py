@@ -94,11 +94,12 @@ class Observer:
 
     def newest(self, rows: int) -> dict[str, np.ndarray]:
         """The newest rows; those long past as the trace has them."""
-        before, kept = self._parts()
-        if not kept or not before:
-            kept = kept or before
-        elif len(kept["row"]) < rows:
-            kept = {name: np.concatenate([before[name], kept[name]]) for name in kept}
+        self._collect()
+        kept = self._newest.columns()
+        if not kept or len(kept["row"]) < rows:
+            parts = [part for part in self._parts() if part]
+            names = parts[-1] if parts else {}
+            kept = {name: np.concatenate([part[name] for part in parts]) for name in names}
         return {
             name: column[len(column) - min(rows, len(column)) :] for name, column in kept.items()
         }

@@ -11,12 +11,11 @@ import asyncio
 import logging
 import os
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from evertwin.config.spec import TwinSpec
 from evertwin.engine import Pool
 from evertwin.errors import ConfigError, UsageError, nearest
 from evertwin.refit import work_of
@@ -26,6 +25,7 @@ from evertwin.service.loop_lag import Lag
 from evertwin.service.site.loading import why_not
 from evertwin.service.site.site_plan import Plan, Site, read_site
 from evertwin.service.systemd import beat_of, notify
+from evertwin.service.twin.process import Process
 from evertwin.service.twin.runner import Runner
 from evertwin.service.twin.warming import Beside, before
 
@@ -54,8 +54,7 @@ class Service:
         self._started = self.site.spec
         """What holds until the next start."""
         self.runners: dict[str, Runner] = {}
-        self.listeners: set[asyncio.Event] = set()
-        """Are set when any twin says something new."""
+        self.process = Process(self.runners)
         self.lag = Lag()
         self.began = time.time()
         self.ready = False
@@ -63,13 +62,9 @@ class Service:
         self.error = ""
         """Why the newest reload changed nothing."""
         self.log = Newest()
-        self._pool: Pool | None = None
-        """Processes for the slow work of all twins that do not ask for their own."""
         fleet = self.site.spec.fleet
         self.tending = Tending(self, fleet) if fleet.store else None
         """As one node of several; None: all twins are this process's."""
-        self._warm: Callable[[TwinSpec], None] | None = None
-        """What a twin calls before it begins."""
         self._turn = asyncio.Lock()
         self._tasks: list[asyncio.Task[None]] = []
 
@@ -80,10 +75,10 @@ class Service:
         self._tasks = [asyncio.create_task(self.lag.watch()), asyncio.create_task(self._beat())]
         if self.site.spec.warm == "beside":
             beside = Beside([plan.spec for plan in self.site.twins if plan.spec is not None])
-            self._warm = beside.wait
+            self.process.warm = beside.wait
             self._tasks.append(asyncio.create_task(beside.run()))
         elif self.site.spec.warm:
-            self._warm = before
+            self.process.warm = before
         await self._follow(self.site)
         if self.tending is not None:
             await self.tending.step()
@@ -103,9 +98,9 @@ class Service:
         ]  # fmt: skip
         await asyncio.gather(*(runner.stop() for runner in gone))
         shares = [plan.spec for plan in site.twins if plan.spec and plan.entry.workers is None]
-        if self._pool is None and shares:
+        if self.process.pool is None and shares:
             count = site.spec.workers or os.cpu_count() or 1
-            self._pool = Pool(count, warm=partial(work_of, shares[0], None))
+            self.process.pool = Pool(count, warm=partial(work_of, shares[0], None))
         for runner in gone:
             self.runners.pop(runner.name, None)
         self.site = site
@@ -130,10 +125,7 @@ class Service:
 
     def _runner(self, plan: Plan) -> Runner:
         token = None if self.tending is None else self.tending.tokens[plan.name]
-        return Runner(
-            plan, self._store(self.site), self.listeners, warm=self._warm, pool=self._pool,
-            token=token,
-        )  # fmt: skip
+        return Runner(plan, self._store(self.site), self.process, token)
 
     async def take(self, twin: str) -> None:
         """Starts a twin that has become this node's."""
@@ -196,8 +188,8 @@ class Service:
         await asyncio.gather(*(runner.stop() for runner in self.runners.values()))
         if self.tending is not None:
             await self.tending.end()
-        if self._pool is not None:
-            await asyncio.to_thread(self._pool.close)
+        if self.process.pool is not None:
+            await asyncio.to_thread(self.process.pool.close)
         LOG.info("stopped")
         logging.getLogger("evertwin").removeHandler(self.log)
 

@@ -65,12 +65,12 @@ async def stream(socket: WebSocket, service: Service) -> None:
     await socket.accept(offered[0] if offered else None)
     reading = asyncio.create_task(_until_gone(socket))
     news = asyncio.Event()
-    service.listeners.add(news)
+    service.process.listeners.add(news)
     try:
         with contextlib.suppress(TimeoutError, WebSocketDisconnect):
             await _Reader(socket, service, after).serve(names, news, reading)
     finally:
-        service.listeners.discard(news)
+        service.process.listeners.discard(news)
         reading.cancel()
 
 

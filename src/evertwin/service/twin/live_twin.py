@@ -172,9 +172,9 @@ class AtWork:
         Raises:
             EvertwinError: the model, or the store, fails.
         """
-        for one in kept:
+        for left, one in enumerate(kept, 1 - len(kept)):
             self.since = time.monotonic()
-            self.going.fold(one)
+            self.going.fold(one, more=left < 0)
         rows, skipped = self._fresh(self.going.view(MOST))
         news = self._news()
         if (rows is not None or not self.row) and time.monotonic() >= self._when + OFTEN:

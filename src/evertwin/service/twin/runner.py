@@ -21,8 +21,6 @@ from pathlib import Path
 from typing import Any, Literal, TypeAlias, TypeVar
 
 from evertwin.backoff import Backoff
-from evertwin.config.spec import TwinSpec
-from evertwin.engine import Pool
 from evertwin.errors import EvertwinError, NotYet, OwnershipLost, StoreUnwritable, UsageError
 from evertwin.fold import Chunk, Event
 from evertwin.publishers.contract import Kind, News, Publisher, Told
@@ -33,9 +31,10 @@ from evertwin.service.twin.archiving import keep_days
 from evertwin.service.twin.life_watch import tell_lives
 from evertwin.service.twin.live_twin import AtWork, Said, place_of, told
 from evertwin.service.twin.log_lines import Sayings
+from evertwin.service.twin.process import Process
 from evertwin.service.twin.publishing import tellers
 from evertwin.service.twin.questions import answer
-from evertwin.service.twin.queue_drain import PATIENCE, at_rest, together
+from evertwin.service.twin.queue_drain import PATIENCE, Gathering, at_rest
 from evertwin.service.twin.quiet_sources import Silence, timeouts_of
 from evertwin.service.twin.twin_status import LONG, status_of
 from evertwin.service.twin.twin_thread import Lane
@@ -63,12 +62,10 @@ class Runner:
     """
 
     def __init__(
-        self, plan: Plan, store: Path | str, listeners: set[asyncio.Event], *,
-        warm: Callable[[TwinSpec], None] | None = None, pool: Pool | None = None,
-        token: int | None = None,
-    ) -> None:  # fmt: skip
+        self, plan: Plan, store: Path | str, process: Process, token: int | None = None
+    ) -> None:
         self.plan = plan
-        self._pool = pool
+        self.process = process
         self.token = token
         """Under which it writes to a store that nodes share."""
         self.name = plan.name
@@ -92,8 +89,6 @@ class Runner:
         """(serial number, rows) as they were told."""
         self.serial = 0
         self.events: deque[tuple[int, Mapping[str, Any]]] = deque(maxlen=16 * KEPT)
-        self.listeners = listeners
-        """Are set when there is something new."""
         self.sources: list[LiveSource] = []
         self.before: Mapping[str, Health] = {}
         """What the sources of the same twin counted before it was taken anew."""
@@ -107,17 +102,17 @@ class Runner:
         self._told = ""
         """The reason that the log has."""
         self._sayings = Sayings(plan.name)
-        self.warm = warm
-        """Makes its machine code before it runs, or waits for it."""
+        self.warm = process.warm
         self.began = time.monotonic()
         """When it was started."""
         self._reader: SqlStore | None = None
         self.lane = Lane(f"twin {plan.name}")
         self._storing = ThreadPoolExecutor(1, thread_name_prefix=f"keep {plan.name}")
-        self._came: asyncio.Queue[tuple[LiveSource | None, Chunk, float]] = asyncio.Queue(
-            plan.entry.queue
+        most = plan.entry.queue
+        self._came: Gathering[tuple[LiveSource | None, Chunk, float]] = Gathering(
+            process.storing, most
         )
-        self._kept: asyncio.Queue[tuple[Numbered, float]] = asyncio.Queue(plan.entry.queue)
+        self._kept: Gathering[tuple[Numbered, float]] = Gathering(process.folding, most)
         """Stored, not folded yet."""
         self.open = 0
         """Pieces of samples that came and are not folded yet."""
@@ -167,7 +162,7 @@ class Runner:
         if self.warm is not None:
             assert self.plan.spec is not None
             self.warm(self.plan.spec)
-        return AtWork(self.plan, self.store, self._pool, self.token)
+        return AtWork(self.plan, self.store, self.process.pool, self.token)
 
     @contextlib.contextmanager
     def _guarded(self) -> Iterator[None]:
@@ -203,8 +198,8 @@ class Runner:
 
     def anew(self) -> Runner:
         """The same twin, to be tried again."""
-        fresh = Runner(self.plan, self.store, self.listeners, pool=self._pool, token=self.token)
-        fresh.again, fresh._told, fresh.row = self.again, self._told, self.row
+        fresh = Runner(self.plan, self.store, self.process, self.token)
+        fresh.again, fresh._told, fresh.row, fresh.warm = self.again, self._told, self.row, None
         return fresh.carry(self)
 
     def carry(self, old: Runner) -> Runner:
@@ -283,7 +278,7 @@ class Runner:
         assert self.work is not None
         loop = asyncio.get_running_loop()
         with self._guarded():
-            async for taken in together(self._came):
+            async for taken in self._came.together(self.process.pause):
                 chunks = [chunk for _, chunk, _ in taken]
                 kept = await loop.run_in_executor(self._storing, self.work.keep, chunks)
                 self.again.reset()
@@ -300,7 +295,7 @@ class Runner:
         """What is stored, through the twin."""
         assert self.work is not None
         with self._guarded():
-            async for taken in together(self._kept):
+            async for taken in self._kept.together(lambda: 0.0):
                 kept = [one for one, _ in taken]
                 said = await self.lane.do(partial(self.work.fold, kept))
                 now = time.perf_counter()
@@ -339,7 +334,7 @@ class Runner:
             self._out("health", self.status())
 
     def _tell(self) -> None:
-        for listener in self.listeners:
+        for listener in self.process.listeners:
             listener.set()
 
     # ------------------------------------------------------------------ questions

@@ -57,8 +57,16 @@ class Pace:
             if np.isinf(speed):
                 await self.moved.wait_for(lambda: stamp <= self._slowest() + AHEAD)
                 return
+        await asyncio.sleep(await self.until(name, stamp, speed))
+
+    async def until(self, name: str, stamp: int, speed: float) -> float:
+        """Seconds until the sample of a source is due, once the first stamp of all is known."""
+        assert self.base is not None
+        async with self.moved:
+            self.next[name] = stamp
+            self.moved.notify_all()
         first, began = self.base
-        await asyncio.sleep(began + (stamp - first) * 1e-9 / speed - time.monotonic())
+        return max(began + (stamp - first) * 1e-9 / speed - time.monotonic(), 0.0)
 
     def _slowest(self) -> int:
         return min(self.next.values(), key=lambda s: -(2**63) if s is None else s) or 0

@@ -25,6 +25,8 @@ T = TypeVar("T")
 SOME = 4096
 """Bytes that wait at most where there is no thread; a job counts as some at least."""
 LEAST = SOME // 16
+LINGER = 0.005
+"""Seconds in which jobs that nobody waits for are gathered."""
 ROOM = 64 << 20
 """Bytes that may wait; beyond, `Writer.put` waits too."""
 
@@ -57,7 +59,7 @@ class Writer(Generic[T]):
         self._threaded = threaded
         self._waiting: list[T] = []
         self._room = 0
-        self._taken = self._written = 0
+        self._taken = self._written = self._asked = 0
         self._ends = False
         self._failed: StoreError | None = None
         self._changed = threading.Condition()
@@ -79,7 +81,8 @@ class Writer(Generic[T]):
             self._waiting.append(job)
             self._room += size
             self._taken += 1
-            self._changed.notify_all()
+            if len(self._waiting) == 1 or self._room >= ROOM:
+                self._changed.notify_all()
             if self._thread is None:
                 self._thread = threading.Thread(target=self._work, name="store", daemon=True)
                 self._thread.start()
@@ -93,7 +96,8 @@ class Writer(Generic[T]):
         with self._changed:
             if not self._threaded:
                 return self._write(1)
-            here = self._taken
+            self._asked = here = self._taken
+            self._changed.notify_all()
             self._changed.wait_for(lambda: self._written >= here or self._failed is not None)
             self.check()
 
@@ -128,6 +132,7 @@ class Writer(Generic[T]):
                 self._changed.wait_for(lambda: bool(self._waiting) or self._ends)
                 if not self._waiting:
                     return
+                self._changed.wait_for(self._pressing, LINGER)
                 jobs, self._waiting, size = self._waiting, [], self._room
             failed = self._attempt(jobs)
             with self._changed:
@@ -135,6 +140,9 @@ class Writer(Generic[T]):
                 if failed is not None:
                     self._failed, self._waiting = failed, []
                 self._changed.notify_all()
+
+    def _pressing(self) -> bool:
+        return self._asked > self._written or self._ends or self._room >= ROOM
 
     def _attempt(self, jobs: list[T]) -> StoreError | None:
         try:

@@ -93,16 +93,16 @@ class Replay:
 
     async def chunks(self) -> AsyncIterator[Chunk]:
         """See `LiveSource`."""
-        pieces = self._pieces()
+        chunks = iter(Recorded.of(self.spec, self._files()).read())
         closing = asyncio.create_task(self._closing.wait())
         try:
-            while not self._closing.is_set():
-                piece = await asyncio.to_thread(next, pieces, None)
-                if piece is None or not await self._due(int(piece.t[0]), closing):
-                    return
-                self.told.up()
-                self.told.give(int(piece.t[-1]), len(piece.t))
-                yield piece
+            while (chunk := await asyncio.to_thread(next, chunks, None)) is not None:
+                for piece in self._pieces(self._fresh(chunk)):
+                    if not await self._due(int(piece.t[0]), closing):
+                        return
+                    self.told.up()
+                    self.told.give(int(piece.t[-1]), len(piece.t))
+                    yield piece
         except DataError as error:
             self.told.down(str(error))
             raise
@@ -113,26 +113,27 @@ class Replay:
 
     async def _due(self, stamp: int, closing: asyncio.Task[bool]) -> bool:
         """Waits for the moment; False where the source was closed before."""
-        pace = self.around.pace
-        waiting = asyncio.create_task(pace.wait(self.name, stamp, self.settings.speed))
-        await asyncio.wait({waiting, closing}, return_when=asyncio.FIRST_COMPLETED)
-        waiting.cancel()
+        pace, speed = self.around.pace, self.settings.speed
+        if pace.base is None or np.isinf(speed):  # what the others do decides, too
+            waiting = asyncio.create_task(pace.wait(self.name, stamp, speed))
+            await asyncio.wait({waiting, closing}, return_when=asyncio.FIRST_COMPLETED)
+            waiting.cancel()
+        else:
+            await asyncio.wait({closing}, timeout=await pace.until(self.name, stamp, speed))
         return not self._closing.is_set()
 
-    def _pieces(self) -> Iterator[Chunk]:
-        """The recording in pieces that are due together, without what is stored."""
-        speed = self.settings.speed
+    def _pieces(self, chunk: Chunk) -> Iterator[Chunk]:
+        """What is due together."""
+        speed, start = self.settings.speed, 0
         span = 5 * 10**8 if np.isinf(speed) else max(int(TOGETHER * speed * 1e9), 1)
-        for chunk in Recorded.of(self.spec, self._files()).read():
-            chunk = self._fresh(chunk)
-            start = 0
-            while start < len(chunk.t):
-                stop = int(np.searchsorted(chunk.t, chunk.t[start] + span))
-                stop = min(max(stop, start + 1), start + MOST)
-                yield chunk._replace(t=chunk.t[start:stop], v=chunk.v[start:stop])
-                start = stop
+        while start < len(chunk.t):
+            stop = int(np.searchsorted(chunk.t, chunk.t[start] + span))
+            stop = min(max(stop, start + 1), start + MOST)
+            yield chunk._replace(t=chunk.t[start:stop], v=chunk.v[start:stop])
+            start = stop
 
     def _fresh(self, chunk: Chunk) -> Chunk:
+        """Without what is stored."""
         if self._stored is None:
             return chunk
         task, stamp = self._stored
