@@ -37,13 +37,12 @@ from evertwin.app.machine.live_processes import (
 from evertwin.service.service import Service
 from evertwin.service.twin.runner import Runner
 from evertwin.sources.live.contract import LiveSource
+from evertwin.sync.arbiter.arbiter_loop import ADOPTED
 
 SHOWN = ("suspected", "tuned", "corrected", "promoted", "measurement_error", "drift",
          "rolled_back", "changed", "rejected", "abnormal", "external", "recurring", "pose_lost",
          "pose_found", "scans_missing")  # fmt: skip
 """Kinds of events that are told."""
-TOLERANCE = 0.02
-"""A robot's twin that is off by more [m] adopts the measured pose: a position update."""
 SPAN = 100
 """Rows over which position updates are counted."""
 STANDS = 0.001
@@ -311,10 +310,8 @@ def _listen(runner: Runner, said: Told, screen: Screen, begun: float) -> None:
         said.t += rows["t"]
         posed = (rows["outputs"][one]["measured"] for one in ("x", "y", "heading"))
         said.poses += [list(one) for one in zip(*posed)]
-        x, y = (rows["outputs"][axis]["residual"] for axis in "xy")
-        for one, other in zip(x, y):
-            off = (one or 0.0) ** 2 + (other or 0.0) ** 2 > TOLERANCE**2
-            said.updates.append(off)
+        for became in rows["outputs"]["x"]["update"]:
+            said.updates.append(became == ADOPTED)
             if len(said.updates) % SPAN == 0:
                 count = sum(said.updates[-SPAN:])
                 screen.say(name, f"{count} position updates in its newest {SPAN} rows")
