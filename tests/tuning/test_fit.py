@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,16 @@ from evertwin.tuning.residuals.statistics_loop import (
 )
 
 P = np.array([3.0, 2.0, 0.02])
+
+
+def test_what_moved_though_nothing_tells_it_is_no_sure_number(axes: Any, measured: Any) -> None:
+    rng = np.random.default_rng(0)
+    model, u = axes(1), rng.normal(size=(100, 1))
+    fit = solve(Problem(model, (measured(model, u, P, 0.1 * rng.normal(size=u.shape)),)))
+    unsure = replace(fit, verdict=tuple("not" if n == "Bm0" else w for n, w in
+                                        zip(fit.names, fit.verdict, strict=True)))  # fmt: skip
+    assert "Bm0" in fit.moved
+    assert set(unsure.moved) == {*fit.moved} - {"Bm0"} | {"Bm0 (weak)"}
 
 
 def test_a_fit_is_a_plain_record(axes: Any, measured: Any) -> None:

@@ -22,9 +22,11 @@ def event(kind: str, signal: str, reason: str, evidence: Mapping[str, Any]) -> d
     return {"kind": kind, "signal": signal, "reason": reason, "evidence": dict(evidence)}
 
 
-def changed_since(new: Windows) -> dict[str, Any]:
-    """The machine changed; ``new`` are the rows since then."""
-    said = f"the machine changed at {called(new[0].row)}: rows before it are left out"
+def changed_since(new: Windows, held: bool = True) -> dict[str, Any]:
+    """The machine changed; ``new`` are the rows since then. Of a version that never ``held`` a form
+    that is wrong there looks the same."""
+    other = "" if held else ", or the form is wrong from there on, for it never held"
+    said = f"the machine changed at {called(new[0].row)}{other}: rows before it are left out"
     rows = sum(len(block.t) for block in new)
     evidence = {"row": new[0].row, "time": int(new[0].t[0]), "rows": rows}
     return event("changed", "", said, evidence)

@@ -38,7 +38,7 @@ from evertwin.refit.answers.states import States, amount
 from evertwin.refit.answers.told_anew import retold
 from evertwin.refit.numbers.fewest import fewest
 from evertwin.refit.numbers.physical import embodied, passive
-from evertwin.refit.numbers.posterior import posterior, sentences
+from evertwin.refit.numbers.posterior import posterior, sentences, told_of
 from evertwin.refit.numbers.simplest import law_now
 from evertwin.refit.rows.newest import after, newer, newest
 from evertwin.refit.rows.one_form import made, plainer
@@ -329,13 +329,13 @@ class Work(Candidates):
             return {"events": events, "candidate": tuned}
         values = dict(zip(proposal.names, proposal.p.tolist(), strict=True))
         old = dict(zip(version.names, version.p.tolist(), strict=True))
-        weak = {one.removesuffix(" (weak)"): one for one in (found[1].moved if found else ())}
         names = self.setup.model.parameters.names
-        moved = {n: weak.get(n, n) for n in names if values.get(n) != old.get(n)}
-        first = (f"tuned {', '.join(moved.values())}",) if moved else ()
+        moved = tuple(n for n in names if values.get(n) != old.get(n))
         same = {kind(gain.term.kind).alike for gain in proposal.gains if gain.term.channel == "*"}
         model = self.versions.model_of(proposal.form)
-        fit = posterior(self.setup, model, proposal, windows, tuple(moved))
+        fit = posterior(self.setup, model, proposal, windows, moved)
+        told = told_of(moved, found and found[1], fit)
+        first = (f"tuned {', '.join(told)}",) if moved else ()
         said = sentences(self.setup, proposal, fit)
         reason = "; ".join((*first, *said, *sorted(same - {""})))
         return {

@@ -30,6 +30,7 @@ from evertwin.starter.numbers.payload import acting
 from evertwin.starter.numbers.speeds import fastest, of_joints
 from evertwin.starter.numbers.starts import own_of, starts_of
 from evertwin.starter.numbers.store_guess import Store
+from evertwin.starter.numbers.untaken import left_out
 from evertwin.starter.numbers.wear import at_usual_speed
 from evertwin.starter.options import stands_in
 from evertwin.starter.proposal import ASK, Proposal, position, together
@@ -350,8 +351,9 @@ class Draft:
         lacking = ((name, "no column found") for name in self.proposal.missing)
         lines += [f"  {name:<10} {said}" for name, said in together([*derived, *lacking])]
         lines += [f"  {said}"] if (said := stands_in(self.options)) else []
-        if self.proposal.unused:
-            lines.append(f"  not used: {', '.join(self.proposal.unused)}")
+        linear = not (self._base or self.kind == "arm")  # enough for a column to be told
+        rows = self.horizon / (self.period or self.horizon) if linear else 0.0
+        lines += left_out(self.model, self.proposal, self.seen, self.judged or ("y",), rows)
         if self.questions:
             lines.append(f"to be answered in {self.out}, where it says {ASK!r}:")
             asked = together((name, what) for name, _, what in map(_cut, self.questions))

@@ -76,7 +76,9 @@ NET, LEAST, MOST = 60, 61, 62
 """And how far trusted samples have come by now, net, and how far at least and at most."""
 TOP, BOTTOM, FELL, ROSE = 63, 64, 65, 66
 """And the largest and the least of the trusted samples; how far they came back from either."""
-VALUES = 67
+RESTS = 67
+"""And does it stand at this row?"""
+VALUES = 68
 (
     STARTED, VALID, GOOD_AT, LAST_AT, CAUSE, ONSET, UNTIL, FAULTS, TOLD, CONTEST, BATCH, BATCH_ROW,
     LEFT, SAMPLES, UPDATES, RESETS, CONTESTED, ERRORS, TURNS, HELD_BY, QUIET,

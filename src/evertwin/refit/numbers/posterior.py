@@ -18,7 +18,7 @@ from evertwin.fold import Block, plain
 from evertwin.models import Model
 from evertwin.models.corrected.corrected import Corrected
 from evertwin.setup.setup import Setup
-from evertwin.tuning import Problem
+from evertwin.tuning import Fit, Problem
 from evertwin.tuning.intervals.assemble import Outcome, assemble
 
 
@@ -65,6 +65,22 @@ def posterior(
     closed = {name: both for name, both in ends.items() if None not in both}
     said = describe(stack_of(setup.model, proposal.form, proposal.p), closed)
     return content | {"parameters": every, "describes": list(said)}
+
+
+def told_of(
+    moved: tuple[str, ...], alone: Fit | None, beside: dict[str, Any] | None
+) -> tuple[str, ...]:
+    """Numbers that moved, and which of them are hardly known: by tuning alone, or beside the terms.
+
+    >>> told_of(("a", "b"), None, {"parameters": {"b": {"verdict": "not"}}})
+    ('a', 'b (weak)')
+    """
+    known = {} if beside is None else beside["parameters"]
+    weak = {name for name, one in known.items() if one["verdict"] != "identifiable"}
+    weak |= (
+        {name.removesuffix(" (weak)") for name in alone.moved if "(" in name} if alone else set()
+    )
+    return tuple(f"{name} (weak)" if name in weak else name for name in moved)
 
 
 def sentences(setup: Setup, proposal: Proposal, fit: dict[str, Any] | None) -> tuple[str, ...]:

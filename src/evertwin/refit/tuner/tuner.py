@@ -128,7 +128,7 @@ class Tuner:
         rows = sum(len(block.t) for block in new)
         if rows < ENOUGH * len(names):
             raise TooNew(f"the machine has changed, {rows} rows ago", new[0].row)
-        return new, [changed_since(new)]
+        return new, [changed_since(new, task.held)]
 
     def follows(self, version: Version, worse: Version, rows: Windows) -> bool:
         """Does a version take away nearly all of another one's deviation?"""

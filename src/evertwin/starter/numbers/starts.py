@@ -105,6 +105,8 @@ def _axis(inertia: str, t: Vector, speed: Vector, effort: Vector) -> dict[str, f
         return {}
     scale = np.linalg.norm(table, axis=0) + 1e-300
     mass, coulomb, viscous, _ = np.linalg.lstsq(table / scale, right[stood == 0.0])[0] / scale
+    if min(coulomb, viscous) < 0.0:  # what pushes is no friction: something else is in it
+        return {inertia: float(mass)}
     return {inertia: float(mass), "Fc": float(coulomb), "Fv": float(viscous)}
 
 

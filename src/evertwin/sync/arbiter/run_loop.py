@@ -29,6 +29,8 @@ SURE = 12
 """Near values in a row: of Gaussian noise, four in ten lie as near to the first."""
 MEMORY = 2000
 """Samples that the noise of the sensor is estimated from."""
+LINED = 6.0
+"""Variances of a sample's noise in its way off the line through the two before."""
 USUAL = 9.0
 """Times the noise's variance that two successive innovations say of it at most: where the form is
 wrong, as where friction turns round, they would say much more."""
@@ -55,11 +57,12 @@ def near_square(values: Any, numbers: Any, g: int, j: int) -> float:
     """How near to each other the sensor's noise hardly lets values lie, squared: half a deviation.
 
     Successive changes share one sample's noise: −E[ν·ν'] is its variance, whatever else moves. Of
-    the estimate the lower bound counts (2σ). What is known to be frozen may scatter four times as
-    much.
+    the estimate the lower bound counts (2σ). Of what no state adopts noise of inputs is in it, but
+    not in how samples lie off a straight line. What is frozen may scatter four times as much.
     """
     n = min(max(numbers[g, at.SAMPLES], 1), MEMORY)
     variance = values[j, at.NOISE] - 2.0 * values[j, at.BASE] / np.sqrt(n)
+    variance = min(variance, values[j, at.LINE] / LINED)
     found = numbers[g, at.CAUSE] == FROZEN and numbers[g, at.HELD_BY] == NEAR
     return float((4.0 if found else 0.25) * max(variance, 0.0))
 
@@ -227,6 +230,8 @@ def go_on(case: Case, g: int, size: int, kind: int) -> None:
     rules, (values, numbers, _), room = case.settings[1], case.memory, case.sample[0]
     for k in range(size):
         j = room[k]
+        if values[j, at.RESTS] > 0:
+            continue
         way = abs(values[j, at.BEYOND + kind])
         if numbers[g, at.AWAY + kind] == 0:
             values[j, at.WENT + kind] = max(values[j, at.WENT + kind], way)
@@ -358,6 +363,7 @@ def is_frozen(rules: Any, memory: Any, room: Any, g: int, size: int) -> bool:
         for k in range(size):
             j = room[k]
             noisy = levels > 0 or near_square(values, numbers, g, j) > 0
+            noisy = noisy and not values[j, at.RESTS] > 0
             moved = enough(rules, values, numbers, g, j, kind)
             late = values[j, at.OVERDUE + kind] > patience(values, j, kind)
             late = late or (kind == EQUAL and never)

@@ -35,7 +35,8 @@ from evertwin.sync.workspace import Workspace, advance, case_of, fill
 @njit(**HOT)
 def proceed(work: Workspace, i: int) -> None:
     """Adds the predicted motion of this row to path and way. At rest a force is what friction
-    holds, so what is predicted of it is no motion that a frozen sensor would miss."""
+    holds, so what is predicted of it is no motion that a frozen sensor would miss by then; it is
+    gone again, or is one, at the next row of motion."""
     limits, values, predicted = work.case.settings[0], work.case.memory[0], work.case.sample[2]
     u, moves = work.out.u, work.moves
     for j in range(values.shape[0]):
@@ -44,10 +45,9 @@ def proceed(work: Workspace, i: int) -> None:
         if moved == moved:
             values[j, at.PATH] += abs(moved)
             values[j, at.WAY] += moved
-            by = int(limits[j, at.BESIDE])
-            if by < 0 or abs(u[i, by]) > limits[j, at.ABOVE]:
-                moves[j] = moved
-                goes(limits, values, j, moved, 0.0)
+            moves[j], by = moved, int(limits[j, at.BESIDE])
+            values[j, at.RESTS] = by >= 0 and not abs(u[i, by]) > limits[j, at.ABOVE]
+            goes(limits, values, j, moved, 0.0)
 
 
 @njit(**HOT)

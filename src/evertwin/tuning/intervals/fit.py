@@ -132,8 +132,8 @@ class Fit:
     def moved(self) -> tuple[str, ...]:
         """What was tuned, in words: the identifiable ones, then what else moved and how sure."""
         rest = zip(self.names, self.verdict, self.values != self.start, strict=True)
-        others = [(name, word) for name, word, on in rest if on and word != "identifiable"]
-        return (*self.identifiable, *(f"{n} (weak)" if w == "weak" else n for n, w in others))
+        others = [name for name, word, on in rest if on and word != "identifiable"]
+        return (*self.identifiable, *(f"{name} (weak)" for name in others))
 
     def __getitem__(self, name: str) -> float:
         return float(self.values[self.names.index(name)])
