@@ -21,9 +21,7 @@ challenger that is several times better, and more and more so while the machine 
 champion: by how much is left out of ρ. The evidence is the mean wealth over all lengths.
 
 What favours one of two versions for longer than the segments so far have lasted cannot be told from
-their worth. Of 1,000 simulated trials of versions that are equally good on the whole 0.5 to 1.3 %
-promote where such a spell lasts 5 segments on average, 8 to 14 % where it lasts 10 to 20, and 29 %
-where it lasts 50: α holds for shorter ones.
+their worth: α holds where such spells last a few segments (`python -m proofs.gate`).
 
 Sources: Waudby-Smith and Ramdas, "Estimating means of bounded random variables by betting" (2024);
 METHOD: a sequential test on the paired loss.
