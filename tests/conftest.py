@@ -230,6 +230,11 @@ def pytest_collection_finish() -> None:
     gc.freeze()
 
 
+def pytest_unconfigure() -> None:
+    """At the end all is freed as usual."""
+    gc.unfreeze()
+
+
 def absent(what: str) -> None:
     """Fail in CI, skip elsewhere, in either case naming what is absent."""
     message = f"{what}: set EVERTWIN_DATA to the folder of the real recordings"
