@@ -337,7 +337,8 @@ def instead(machine_code: str) -> Callable[[Plain], Plain]:
 
 def _of_any_number(made: Any) -> None:
     """Makes no code of its own for each number that a call has written down, as Numba would."""
-    from numba.core.types import BaseNamedTuple, BaseTuple, unliteral
+    from numba.core.types.containers import BaseNamedTuple, BaseTuple
+    from numba.core.types.misc import unliteral
 
     def plain(it: Any) -> Any:
         if not isinstance(it, BaseTuple):
