@@ -18,8 +18,8 @@ $(BIN)/python tools/alive.py installing $(BIN)/python -m pip install --no-compil
 endef
 COMPILE := $(BIN)/python tools/alive.py compiling $(BIN)/python -m compileall -qq -j 0 -x '/tests?/' .venv/lib || true
 
-.PHONY: help venv demo test kernels lint types reference docs notebooks bench coverage prove
-.PHONY: wheel clean again
+.PHONY: help venv demo test kernels lint types reference docs pages commands notebooks bench
+.PHONY: coverage prove wheel clean again
 .DEFAULT_GOAL := help
 
 help:
@@ -76,8 +76,12 @@ types: .venv/.has-dev
 reference: .venv/.has-dev
 	$(BIN)/python -m tools.write_reference
 
-docs: .venv/.has-dev
+docs: pages commands
+
+pages: .venv/.has-dev
 	$(BIN)/sphinx-build -W --keep-going -q -b html docs docs/_build/html
+
+commands: .venv/.has-dev
 	$(BIN)/python tools/run_docs.py
 
 notebooks: .venv/.has-dev

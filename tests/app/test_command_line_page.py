@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ EVERYWHERE = {"--help", "--json"}
 """Told once, above the table."""
 
 
+@cache
 def commands() -> dict[str, Any]:
     """Every command by its words."""
     found: dict[str, Any] = {}
@@ -31,6 +33,7 @@ def commands() -> dict[str, Any]:
     return found
 
 
+@cache
 def rows() -> dict[str, str]:
     """The page's table: words of a command → its row."""
     lines = [line for line in PAGE.read_text(encoding="utf-8").splitlines()

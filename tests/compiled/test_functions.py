@@ -8,7 +8,7 @@ import subprocess
 import sys
 from copy import copy
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -203,6 +203,35 @@ def test_arithmetic_alone_can_be_compiled() -> None:
 
     with pytest.raises(UsageError, match="wordy cannot be compiled"):
         _ = wordy.address
+
+
+class Pair(NamedTuple):
+    values: Any
+    place: int
+
+
+@njit()
+def noted(pair: Pair, kind: int, where: tuple[int, int]) -> int:
+    pair.values[pair.place] += kind
+    return where[0] + where[1]
+
+
+@njit()
+def noted_thrice(values: Any) -> int:
+    first = noted(Pair(values, 0), 7, (3, 1))
+    return (
+        first
+        + noted(Pair(values, 1), len(values), (len(values), 2))
+        + noted(Pair(values, len(values) - 1), 5, (first, len(values)))
+    )
+
+
+def test_numbers_that_a_call_has_written_down_make_no_code_of_their_own() -> None:
+    """A loop that tells of eight kinds would be compiled eight times, for each user."""
+    values, plain = np.zeros(4), np.zeros(4)
+    assert noted_thrice.compiled(values) == noted_thrice.plain(plain)
+    assert values.tolist() == plain.tolist()
+    assert len(noted.inner.signatures) == 1
 
 
 def test_functions_travel_by_name() -> None:

@@ -112,11 +112,12 @@ def test_a_version_held_in_its_trial_whatever_its_hidden_state_had_come_to(seed:
     setup, table = Setup(twin().spec, vessel()), recorded(seed)
     versions = Versions(setup.model)
     driver = Driver(setup, versions, lambda row, said: None)
-    u = np.stack([table["power"], table["room"]], axis=1)
+    held = np.r_[table["power"][:1], table["power"][:-1]]  # from its stamp on
+    u = np.stack([held, table["room"]], axis=1)
     rows = make_block((table["t"] * 1e9).astype(np.int64), u, table["gas"][:, None])
     state = driver.run([rows])
-    for away, held in ((8.0, True), (9.5, False)):
+    for away, holds in ((8.0, True), (9.5, False)):
         number = versions.add(Form(), {"away": away}, parent=0, reason="tuned", row=3200).number
         tried = copy(state)._replace(other=driver.follow.beside(copy(state.live), number))
         live = goes_live(driver.follow, tried, number, copy(state.live), EMPTY)
-        assert live.agenda.held == held
+        assert live.agenda.held == holds

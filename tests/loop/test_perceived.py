@@ -19,6 +19,7 @@ from evertwin.fold import Chunk
 from evertwin.rows import Feed
 from evertwin.sources.spec import ArraySpec
 from evertwin.worlds.live.recorder import main as record
+from planted.draws import first_of
 from planted.pushed import compared
 from planted.twins import shipped
 
@@ -73,7 +74,7 @@ def test_the_pose_of_a_recorded_robot_is_where_it_was(folder: Path, wheels: bool
     assert told == [("scans_missing", "scan")]
 
 
-@pytest.mark.parametrize("wheels", [False, True])
+@first_of("wheels", [True, False])
 def test_pushed_is_recorded(folder: Path, wheels: bool) -> None:
     spec = with_wheels() if wheels else shipped("robot_live")
     names = ("command", "scan", *(("odom", "imu") if wheels else ()))

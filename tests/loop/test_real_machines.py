@@ -81,6 +81,7 @@ def test_of_an_offset_and_two_coulomb_frictions_the_simple_ones_are_kept(record:
     assert fit["Fc"] == pytest.approx(20.4, rel=0.05)
 
 
+@pytest.mark.long  # `proofs.emps` has both directions and the limits
 @pytest.mark.slow
 def test_the_axis_runs_free_with_the_law_that_pays(record: Path) -> None:
     with Twin.open(TWINS / "emps_free.toml") as twin:

@@ -227,7 +227,7 @@ def test_an_error_of_a_model_in_a_file_is_one_line(
 
 
 def test_a_step_that_draws_numbers_is_not_fitted(rows: dict[str, Any]) -> None:
-    for _ in range(10):
+    for _ in range(3):
         with pytest.raises(ModelError, match="other outputs when the same rows are simulated"):
             twin_of(drawing).fit(rows)
     said = twin_of(drawing).run(rows).headline

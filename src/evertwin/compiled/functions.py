@@ -167,6 +167,7 @@ class Function(_Written):
                 source = _naming(self.py_func, _machine_code)
                 source.__qualname__ += named  # a file of its own in the cache
                 made = numba.njit(**self.options, **without)(source)
+                _of_any_number(made)
                 self._dispatchers[named] = self._cached(made, source)
             return self._dispatchers[named]
 
@@ -332,6 +333,21 @@ def instead(machine_code: str) -> Callable[[Plain], Plain]:
         return function
 
     return marked
+
+
+def _of_any_number(made: Any) -> None:
+    """Makes no code of its own for each number that a call has written down, as Numba would."""
+    from numba.core.types.containers import BaseNamedTuple, BaseTuple
+    from numba.core.types.misc import unliteral
+
+    def plain(it: Any) -> Any:
+        if not isinstance(it, BaseTuple):
+            return unliteral(it)
+        named = it.instance_class if isinstance(it, BaseNamedTuple) else None
+        return BaseTuple.from_types(tuple(map(plain, it)), named)
+
+    asked = made.get_call_template
+    made.get_call_template = lambda args, kws: asked(tuple(map(plain, args)), kws)
 
 
 def _machine_code(it: Any) -> Any:

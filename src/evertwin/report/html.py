@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -20,12 +21,16 @@ def write_page(template: str, path: Path, content: Mapping[str, Any]) -> None:
     """
     if path.is_file() and path.read_bytes()[:14].lower() not in (b"", b"<!doctype html"):
         raise UsageError(f"{path}: is there and is no report: choose another name, or delete it")
+    write_whole(path, _pages().get_template(template).render(content))
+
+
+@cache
+def _pages() -> Environment:
     environment = Environment(
         loader=PackageLoader("evertwin.report", "templates"), autoescape=select_autoescape()
     )
     environment.filters["shown"] = shown
-    page = environment.get_template(template).render(content)
-    write_whole(path, page)
+    return environment
 
 
 def shown(value: Any) -> str:

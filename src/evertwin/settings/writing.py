@@ -18,6 +18,7 @@ import json
 import math
 import re
 from collections.abc import Callable, Mapping
+from functools import cache
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, Template
@@ -89,6 +90,7 @@ def _long(item: Any) -> str:
     return "[\n" + "".join(f"  {inline(value)},\n" for value in item) + "]"
 
 
+@cache
 def template(room: str, name: str, **filters: Callable[..., str]) -> Template:
     """A template of a room for a text of settings, with `inline`, `key` and ``filters``."""
     environment = Environment(

@@ -213,4 +213,5 @@ def accumulate(
         rows.row, rows[3:], tuple(tuple(s) for s in sums), scores.seen, scores.past,
         tuple(scores.usual), (scores.pair, scores.back, scores.scale, pairs), watch,
     )  # fmt: skip
-    return scores, pairs[:count, :2], pairs[:earlier, 2:], stop
+    against, back = pairs[:count, :2].copy(), pairs[:earlier, 2:].copy()
+    return scores, against, back, stop

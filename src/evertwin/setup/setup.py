@@ -153,12 +153,12 @@ class Setup:
         return None if low is None else low.smooth
 
     def moving(self, u: np.ndarray) -> np.ndarray:
-        """Which rows count as moving, per output, (n, ny); all where nothing is said of one."""
+        """Which rows count as moving, per output, C (n, ny); all where nothing is said of one."""
         rule = self.spec.moving
         if rule is None:
             return np.ones((len(u), len(self.model.outputs)), dtype=np.bool_)
         columns, unsaid = self.judged_by
-        return np.asarray((np.abs(u[:, columns]) > rule.above) | unsaid)
+        return np.ascontiguousarray((np.abs(u[:, columns]) > rule.above) | unsaid)
 
     @cached_property
     def judged_by(self) -> tuple[np.ndarray, np.ndarray]:

@@ -14,6 +14,7 @@ from evertwin.prognosis.laws.growth.way import way_of
 from evertwin.prognosis.laws.likes.likeness import at_some_age, by_chance
 from evertwin.prognosis.likes.another_type import of_its_type
 from evertwin.prognosis.outlook.lone_series import Series, life_of_series
+from planted.draws import first_of
 
 Form = Callable[[np.ndarray], np.ndarray]
 FORMS: dict[str, Form] = {
@@ -40,7 +41,7 @@ def told(one: Indicator, fleet: Fleet) -> Life | NotEnough:
     return predict_life(one, fleet=of_its_type(one, fleet)[0])
 
 
-@pytest.mark.parametrize(
+@first_of(
     ("form", "others"),
     [
         ("linear", "exponential"), ("linear", "saturating"), ("power", "saturating"),

@@ -66,10 +66,10 @@ class Reading(NamedTuple):
     def places(self) -> Bools:
         """Channels that are in another's place, of all inputs and outputs."""
         own = np.arange(len(self.columns))
-        shares = np.eye(len(own)) if self.mixed is None else self.mixed
-        return np.asarray(
-            (np.array(self.columns) != own) | (shares != np.eye(len(own))).any(axis=1)
-        )
+        others = np.asarray(np.array(self.columns) != own)
+        if self.mixed is None:
+            return others
+        return np.asarray(others | (self.mixed != np.eye(len(own))).any(axis=1))
 
     @property
     def moved(self) -> Bools:
@@ -78,7 +78,9 @@ class Reading(NamedTuple):
 
     def of(self, values: Float64[np.ndarray, "n c"]) -> Float64[np.ndarray, "n c"]:
         """Inputs and outputs as they would be, had they been read so."""
-        own, mixed = values.copy(), np.eye(len(self.columns)) if self.mixed is None else self.mixed
+        if self.mixed is None:
+            return np.asarray(values[:, list(self.columns)] * self.factors + self.shifts)
+        own, mixed = values.copy(), self.mixed
         for k in np.flatnonzero((mixed != np.eye(len(mixed))).any(axis=1)):
             shares = mixed[k]
             holds = shares != 0.0  # what is missing of the others is missing of them alone

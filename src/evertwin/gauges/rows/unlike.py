@@ -67,9 +67,7 @@ def _held(adopted: Outputs) -> Outputs:
     """What the prediction of every row started from: adopted at an earlier row, (n, ny)."""
     out = np.empty_like(adopted)
     for k in range(adopted.shape[1]):
-        known = np.where(np.isnan(adopted[:, k]), -1, np.arange(len(adopted)))
-        newest = np.maximum.accumulate(known)
-        out[:, k] = np.where(newest < 0, np.nan, adopted[newest, k])
-    out[1:] = out[:-1].copy()
-    out[0] = np.nan
+        places = np.flatnonzero(~np.isnan(adopted[:, k]))
+        lengths = np.diff(np.concatenate([[0], places + 1, [len(adopted)]]))
+        out[:, k] = np.repeat(np.append(np.nan, adopted[places, k]), lengths)
     return out

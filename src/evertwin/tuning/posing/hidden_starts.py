@@ -192,10 +192,11 @@ def _likeliest(
     kernel, best = kernel_of(model), np.asarray(course[0], dtype=np.float64)
     noise = np.nanstd(window.y, axis=0) + TINY
 
+    plan = restarts(window, horizon, best, remembers(model))
+
     def left(x0: StateVector) -> tuple[int, float]:
         """Rows that are lost, as where it runs away, and the squares of the others."""
-        plan = restarts(window, horizon, x0, remembers(model))
-        y = roll(kernel, plan.x0, window.u, window.dt, p, plan)[1]
+        y = roll(kernel, x0, window.u, window.dt, p, plan._replace(x0=x0))[1]
         found = residuals(model, window, y) / noise
         return -int(np.isfinite(found).sum()), float(np.nansum(np.square(found)))
 
