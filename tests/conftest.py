@@ -22,7 +22,7 @@ import threading
 from collections import Counter
 from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
-from types import CodeType, FunctionType
+from types import FunctionType
 from typing import Any
 
 import jaxtyping
@@ -66,13 +66,9 @@ def hooked_modules() -> list[str]:
 
 OFTEN = 20
 """So many calls of a function are checked in each test."""
-LATER = inspect.CO_GENERATOR | inspect.CO_COROUTINE | inspect.CO_ASYNC_GENERATOR
-"""Marks of a function that runs when its result is asked."""
 LONG = 20
 """Letters from which on a text is no word."""
 _calls: Counter[int] = Counter()
-_left: list[tuple[FunctionType, CodeType]] = []
-"""Functions that are checked no more in this test, and the code that checks them."""
 _made: Counter[int] = Counter()
 
 
@@ -90,63 +86,37 @@ def kind(value: Any) -> Any:
     return value if of is str and len(value) < LONG else of  # a word may be one of a few
 
 
-def _asks(*arguments: Any, **named: Any) -> Any:
-    told: Any = "TOLD"
-    return told(*arguments, **named)
-
-
-ASKS = _asks.__code__
-"""Code of a function that is checked; for "TOLD" stands what checks it."""
-
-
-def _alone(it: FunctionType) -> FunctionType:
-    """The same function apart, so that the code of ``it`` may be another one; itself where that
-    cannot be."""
-    if it.__closure__ or it.__code__.co_flags & LATER:
-        return it
-    own = FunctionType(it.__code__, it.__globals__, it.__name__, it.__defaults__)
-    own.__kwdefaults__ = it.__kwdefaults__
-    own.__qualname__, own.__module__, own.__doc__ = it.__qualname__, it.__module__, it.__doc__
-    own.__annotations__ = it.__annotations__
-    return own
-
-
 def at_first(checked: Callable[..., Any]) -> Callable[..., Any]:
     """A decorator whose functions are checked in the first calls of each test.
 
     Checks of all calls took half of the time of long tests, and those of calls of a kind that was
     found sound before a third. Each check is made when it is first needed: making it takes a
     thousand times as long as making a function, so those in functions, which are made with each
-    call, are left alone after a while. What is called often runs its own code for the rest of a
-    test: even to ask whether there is a check took a tenth of the time.
+    call, are left alone after a while.
     """
 
     def seldom(it: FunctionType, check: Callable[[Any], Any]) -> Callable[..., Any]:
         key, checked = id(it.__code__), None
         ended: dict[int, Any] = {}
         known: dict[Any, set[Any]] = {}
-        own = _alone(it)
 
         def run(*arguments: Any, **named: Any) -> Any:
             """The call, or what came of it in this thread, to be checked behind it."""
-            return ended[thread()] if thread() in ended else own(*arguments, **named)
+            return ended[thread()] if thread() in ended else it(*arguments, **named)
 
         thread = threading.get_ident
         again = FunctionType(run.__code__, it.__globals__, it.__name__, None, run.__closure__)
-        functools.update_wrapper(again, own)
+        functools.update_wrapper(again, it)
 
-        @functools.wraps(own)
+        @functools.wraps(it)
         def told(*arguments: Any, **named: Any) -> Any:
             nonlocal checked
             if _calls[key] >= OFTEN:
-                if own is not it and it.__code__ is not own.__code__:
-                    _left.append((it, it.__code__))
-                    it.__code__ = own.__code__  # without a step between for the rest of the test
-                return own(*arguments, **named)
+                return it(*arguments, **named)
             _calls[key] += 1
             given = kind(arguments), kind(tuple(named.items()))
             if sound := known.get(given):
-                result = own(*arguments, **named)
+                result = it(*arguments, **named)
                 if kind(result) in sound:
                     return result
                 ended[thread()] = result
@@ -158,13 +128,7 @@ def at_first(checked: Callable[..., Any]) -> Callable[..., Any]:
             known.setdefault(given, set()).add(kind(result))
             return result
 
-        if own is it:
-            return told
-        it.__wrapped__ = own  # type: ignore[attr-defined]
-        steps = tuple(told if constant == "TOLD" else constant for constant in ASKS.co_consts)
-        names = {"co_name": it.__name__, "co_qualname": it.__qualname__}
-        it.__code__ = ASKS.replace(co_consts=steps, **names)
-        return it
+        return told
 
     def decorator(**options: Any) -> Callable[[Any], Any]:
         check = checked(**options)
@@ -238,9 +202,6 @@ def in_ci() -> bool:
 def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
     """Lines are counted where tests are short: counting takes as long again as the test itself."""
     _calls.clear()
-    while _left:
-        function, code = _left.pop()
-        function.__code__ = code
     if not item.get_closest_marker("slow") or "COVERAGE_PROCESS_CONFIG" not in os.environ:
         return (yield)
     counting = sys.gettrace(), threading.gettrace(), os.environ.pop("COVERAGE_PROCESS_CONFIG")
