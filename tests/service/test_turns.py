@@ -12,10 +12,8 @@ from evertwin.service.twin.process import PAUSE, Process, Turns
 from evertwin.service.twin.queue_drain import ENOUGH, Gathering
 
 
-async def taken(
-    queue: Gathering[int], pieces: Sequence[int], pause: float, every: float = 0.0
-) -> list[list[int]]:
-    """What comes out while pieces come in, ``every`` so many seconds."""
+async def taken(queue: Gathering[int], pieces: Sequence[int], pause: float) -> list[list[int]]:
+    """What comes out while pieces come in, one by one."""
     found: list[list[int]] = []
 
     async def work() -> None:
@@ -25,14 +23,14 @@ async def taken(
     working = asyncio.create_task(work())
     for piece in pieces:
         await queue.put(piece)
-        await asyncio.sleep(every)
+        await asyncio.sleep(0.0)
     await queue.join()
     working.cancel()
     return found
 
 
 def test_the_first_piece_never_waits_and_the_rest_are_gathered() -> None:
-    found = asyncio.run(taken(Gathering(Turns(1)), range(8), pause=0.5, every=0.01))
+    found = asyncio.run(taken(Gathering(Turns(1)), range(8), pause=1.0))
     assert found == [[0], list(range(1, 8))]
 
 
