@@ -30,7 +30,7 @@ LONGEST = 0.05
 """Seconds that whoever has the turn keeps others waiting; what takes longer goes on beside them."""
 STORING = 4
 """Twins that store at once: they wait for the disk, not for the interpreter."""
-SHARE, PAUSE = 0.003, 0.5
+SHARE, PAUSE = 0.005, 0.5
 """Seconds for each twin that samples of one are gathered before they are stored together: one alone
 hardly waits. And at most."""
 
@@ -60,7 +60,7 @@ class Process:
     """What the twins of a process share.
 
     >>> Process(twins=("arm", "robot")).pause()
-    0.006
+    0.01
     """
 
     twins: Collection[str] = ()
