@@ -55,7 +55,7 @@ from evertwin.tuning import (
     started,
     told_apart,
 )
-from evertwin.tuning.form.blurred import blurred
+from evertwin.tuning.form.blurred import Drawn, blurred
 from evertwin.tuning.form.step_length import stepped
 from evertwin.tuning.intervals.curvature import unbent
 from evertwin.tuning.least_trimmed import trimmed
@@ -63,7 +63,7 @@ from evertwin.tuning.posing.hidden_starts import begun
 from evertwin.tuning.search.interrupt import Interrupt
 from evertwin.tuning.search.minima import lowest
 from evertwin.tuning.tangent import leaning, searched, told
-from evertwin.types import Inputs, ParameterVector
+from evertwin.types import ParameterVector
 
 SEEK = "[correction] channels, terms and in_fit = true seek what the form lacks"
 LEFT = 10
@@ -165,15 +165,15 @@ def _tuned(
         problem = lowest(searched(problem, inside(problem)))
         work = Work(setup, versions, before)
         formed = with_terms(setup, work, version, problem)
-        noise = drawn(setup, formed.problem.model, train, formed.problem.windows)
-        fit = _sure(setup, formed, noise)
+        inputs = drawn(setup, formed.problem.model, train, formed.problem.windows)
+        fit = _sure(setup, formed, inputs)
         chosen = acting(chosen, problem, fit)
         unknown = _unknown(work, formed) if chosen.laws or formed.search else ""
         formed = replace(formed, fit=fit)
     return Tuned(setup, base, trusted, formed, chosen, unknown, tasks, feed, seen)
 
 
-def _sure(setup: Setup, formed: Formed, noise: Sequence[Inputs]) -> Fit:
+def _sure(setup: Setup, formed: Formed, inputs: Drawn | None) -> Fit:
     """The fit, with what is told apart and the intervals that hold all the same."""
     problem, fit = formed.problem, told_apart(formed.problem, formed.fit)
     within = inside(problem) if setup.spec.tuning.method != "recursive" else ()
@@ -185,7 +185,7 @@ def _sure(setup: Setup, formed: Formed, noise: Sequence[Inputs]) -> Fit:
         problem = leaning(problem.tuning(names), fit.p, within)
         near = solve(problem)
     sure = unbent(problem, stepped(problem, repeated(problem, carried(problem, near))))
-    sure = blurred(problem, sure, noise)
+    sure = blurred(problem, sure, inputs)
     sure = moved(problem, sure, joined(formed.problem))
     return told(fit, sure, formed.problem.parameters) if near is not fit else sure
 

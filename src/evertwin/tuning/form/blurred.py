@@ -7,7 +7,8 @@ as much noise added as the inputs have: what that changes, they hold once alread
 without it (J. R. Cook and L. A. Stefanski 1994, on the equations instead of the numbers, which is
 exact for columns that are linear in an input). Values stay, as those that predict best by inputs
 as noisy as these; the interval holds both. Where the noise is most of what tells a number, how much
-it is decides on it, and nothing is told.
+it is decides on it, and nothing is told. With the same equations it is counted what derivatives
+from row to row make too small of motion that is fast beside the rows.
 
 >>> from evertwin.fold import make_block
 >>> from evertwin.machines.drive import DriveForce
@@ -17,16 +18,17 @@ it is decides on it, and nothing is told.
 >>> y = (5.0 * a + rng.normal(0.0, 0.2, 4000))[:, None]
 >>> noise = [np.stack([0 * t, rng.normal(0.0, 1.0, 4000)], axis=1) for _ in range(4)]
 >>> u = np.stack([v, a], axis=1) + noise.pop()
+>>> told = Drawn(u, noise)
 >>> problem = Problem(DriveForce(), (make_block(t=(t * 1e9).astype(int), u=u, y=y),), ("mass",))
 >>> plain = solve(problem)
->>> [low < 5.0 < high for low, high in (f.interval("mass") for f in (plain, blurred(problem, plain,
-...     noise)))]
+>>> both = plain, blurred(problem, plain, told)
+>>> [low < 5.0 < high for low, high in (fit.interval("mass") for fit in both)]
 [False, True]
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import NamedTuple
@@ -38,7 +40,7 @@ from evertwin.tuning.intervals.assemble import sizes_of, student
 from evertwin.tuning.intervals.fit import Amend, Fit
 from evertwin.tuning.intervals.identifiability import grade
 from evertwin.tuning.posing.problem import Problem
-from evertwin.types import Bools, Float64, Inputs, Vector
+from evertwin.types import Float64, Inputs, Vector
 
 UNSURE = 0.2
 """Part by which the variance of an input's noise may be another than it is told."""
@@ -61,6 +63,19 @@ HIDDEN = (
 SHIFTS = "noise of the inputs leads it astray: without it, {:.4g} to {:.4g}"
 
 
+class Drawn(NamedTuple):
+    """What inputs may have been.
+
+    >>> Drawn(np.zeros((1, 2)), ()).noise
+    ()
+    """
+
+    u: Inputs
+    """The inputs as they are likeliest, (n, nu)."""
+    noise: Sequence[Inputs]
+    """Draws of what they scatter by, (n, nu) each."""
+
+
 class _Equations(NamedTuple):
     """The normal equations of each stretch of rows."""
 
@@ -72,26 +87,26 @@ class _Equations(NamedTuple):
         return np.asarray(self.sides - self.squares @ change)
 
 
-def blurred(problem: Problem, fit: Fit, noise: Sequence[Inputs]) -> Fit:
+def blurred(problem: Problem, fit: Fit, drawn: Drawn | None) -> Fit:
     """The fit with intervals that hold though inputs are noisy. Values stay.
 
     Args:
         problem: what was tuned; of a model that is not linear the fit comes back as it is.
         fit: its outcome.
-        noise: draws of what the inputs scatter by, (n, nu) each; none: they do not.
+        drawn: what its inputs may have been; None: they are exact.
     """
     free = np.array([verdict != "not" for verdict in fit.verdict])
-    if not (len(noise) and problem.static and free.any() and fit.converged):
+    if drawn is None or not (problem.static and free.any() and fit.converged):
         return fit
-    u, names = problem.rows.u, tuple(np.array(fit.names)[free].tolist())
-    near = problem.tuning(names)
-    here, there = _equations(near, fit, free, u), [np.zeros(1), np.zeros(1)]
-    for by in (sign * e for e in noise for sign in (1.0, -1.0)):
-        more = _equations(near, fit, free, u + by)
-        there = [a + b / (2 * len(noise)) for a, b in zip(there, more, strict=True)]
+    (u, noise), near = drawn, problem.tuning(tuple(np.array(fit.names)[free].tolist()))
+    here, was = (_equations(near, fit, free, one) for one in (u, problem.rows.u))
     if not (here.squares.sum(axis=0).diagonal() > 0).all():
         return fit
-    (low, high), hidden = _told(here, _Equations(*there), near.information)
+    there = here if not len(noise) else _mean(
+        _equations(near, fit, free, u + sign * e) for e in noise for sign in (1.0, -1.0)
+    )  # fmt: skip
+    # what a fit leaves of its sides, its prior holds against
+    (low, high), hidden = _told(here, there, near.information, was.sides.sum(axis=0))
     scale = sizes_of(near, near.sensitivity(fit.values[free]), fit.values[free])
     return fit.amended({
         k: Amend((-np.inf, np.inf), "weak", (HIDDEN,)) if hidden[j]
@@ -113,7 +128,7 @@ def _widened(fit: Fit, k: int, by: tuple[float, float], size: float) -> Amend:
     return Amend(ends, "" if word == "identifiable" else "weak", (said, wide))
 
 
-def _equations(problem: Problem, fit: Fit, free: Bools, u: Inputs) -> _Equations:
+def _equations(problem: Problem, fit: Fit, free: np.ndarray, u: Inputs) -> _Equations:
     """With other inputs, on the same rows."""
     values = fit.values[free]
     other = replace(problem, prior=problem.parameters.with_values(
@@ -128,14 +143,25 @@ def _equations(problem: Problem, fit: Fit, free: Bools, u: Inputs) -> _Equations
     return _Equations(np.stack([a.T @ a for a, _ in pairs]), np.stack([a.T @ b for a, b in pairs]))
 
 
+def _mean(every: Iterable[_Equations]) -> _Equations:
+    """Of draws."""
+    total, count = None, 0
+    for one in every:
+        total = one if total is None else _Equations(*map(np.add, total, one))
+        count += 1
+    assert total is not None
+    return _Equations(total.squares / count, total.sides / count)
+
+
 def _told(
-    here: _Equations, there: _Equations, prior: Vector
-) -> tuple[tuple[Vector, Vector], Bools]:
+    here: _Equations, there: _Equations, prior: Vector, rest: Vector
+) -> tuple[tuple[Vector, Vector], np.ndarray]:
     """((least, most) by which values change without the noise, (k,) each; which are hidden).
 
     Args:
         there: with as much noise added as there is.
         prior: information of each value, (k,).
+        rest: of the sides, that the fit leaves, (k,).
     """
     square = here.squares.sum(axis=0)
     size = np.sqrt(square.diagonal())
@@ -146,7 +172,7 @@ def _told(
         # of each direction what is left without the noise
         left, vectors = scipy.linalg.eigh(base - part * more, base)
         inverse = (vectors / np.maximum(left, LEAST)) @ vectors.T / np.outer(size, size)
-        change = inverse @ (part * (here.sides - there.sides).sum(axis=0))
+        change = inverse @ ((1.0 + part) * here.sides - part * there.sides).sum(axis=0)
         pull = (1.0 + part) * here.at(change) - part * there.at(change)
         scatter = np.sqrt(np.square((pull - pull.mean(axis=0)) @ inverse).sum(axis=0))
         half = student(np.array([PARTS - 1.0]))[0] * scatter
