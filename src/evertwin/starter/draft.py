@@ -23,6 +23,7 @@ from evertwin.starter.channels.named import short
 from evertwin.starter.feeding import Source
 from evertwin.starter.looks.seen import Seen
 from evertwin.starter.looks.words import quantity, words
+from evertwin.starter.numbers.cutoff import cutoff
 from evertwin.starter.numbers.foretold import Answer, answer_of, buried, moved
 from evertwin.starter.numbers.lagging import time_constant
 from evertwin.starter.numbers.oscillator_guess import Oscillator
@@ -321,8 +322,7 @@ class Draft:
 
     def text(self) -> str:
         """The twin file."""
-        model, here = self.model, self.out.resolve().parent
-        options = dict(self.options)
+        model, here, options = self.model, self.out.resolve().parent, dict(self.options)
         if str(options.get("urdf", "")).endswith(".urdf"):
             options["urdf"] = os.path.relpath(Path(options["urdf"]).resolve(), here)
         names = self.own._fields if model is None else model.parameters.editable
@@ -335,8 +335,8 @@ class Draft:
             options=", ".join(f"{k} = {inline(v)}" for k, v in options.items()),
             wears=at_usual_speed(model, self.proposal, self.seen) if self.once and model else (),
             lag=self.once and model and time_constant(model, self.proposal, self.seen, self.above),
-            recordings=self._origin,
-            editable=", ".join(map(inline, names[:6])),
+            recordings=self._origin, editable=", ".join(map(inline, names[:6])),
+            cutoff=cutoff(self.proposal, self.seen, self.rate) if self.rate and self.static else 0,
         )  # fmt: skip
 
     def summary(self) -> str:

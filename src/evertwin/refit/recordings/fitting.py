@@ -27,6 +27,7 @@ from evertwin.refit.numbers.recursive_fit import Recursion
 from evertwin.refit.recordings.fit_result import FitResult as FitResult
 from evertwin.refit.recordings.fit_result import Held
 from evertwin.refit.recordings.formed import Formed
+from evertwin.refit.recordings.input_noise import drawn
 from evertwin.refit.recordings.screening import Screened, screened
 from evertwin.refit.recordings.term_search import Started, check_initials, own_start, with_terms
 from evertwin.refit.work import Work
@@ -54,6 +55,7 @@ from evertwin.tuning import (
     started,
     told_apart,
 )
+from evertwin.tuning.form.blurred import Drawn, blurred
 from evertwin.tuning.form.step_length import stepped
 from evertwin.tuning.intervals.curvature import unbent
 from evertwin.tuning.least_trimmed import trimmed
@@ -163,14 +165,15 @@ def _tuned(
         problem = lowest(searched(problem, inside(problem)))
         work = Work(setup, versions, before)
         formed = with_terms(setup, work, version, problem)
-        fit = _sure(setup, formed)
+        inputs = drawn(setup, formed.problem.model, train, formed.problem.windows)
+        fit = _sure(setup, formed, inputs)
         chosen = acting(chosen, problem, fit)
         unknown = _unknown(work, formed) if chosen.laws or formed.search else ""
         formed = replace(formed, fit=fit)
     return Tuned(setup, base, trusted, formed, chosen, unknown, tasks, feed, seen)
 
 
-def _sure(setup: Setup, formed: Formed) -> Fit:
+def _sure(setup: Setup, formed: Formed, inputs: Drawn | None) -> Fit:
     """The fit, with what is told apart and the intervals that hold all the same."""
     problem, fit = formed.problem, told_apart(formed.problem, formed.fit)
     within = inside(problem) if setup.spec.tuning.method != "recursive" else ()
@@ -182,6 +185,7 @@ def _sure(setup: Setup, formed: Formed) -> Fit:
         problem = leaning(problem.tuning(names), fit.p, within)
         near = solve(problem)
     sure = unbent(problem, stepped(problem, repeated(problem, carried(problem, near))))
+    sure = blurred(problem, sure, inputs)
     sure = moved(problem, sure, joined(formed.problem))
     return told(fit, sure, formed.problem.parameters) if near is not fit else sure
 
