@@ -164,7 +164,9 @@ def climb_laws(setup: Setup, problem: Problem) -> tuple[Problem, Chosen]:
     few = tuple(_thinned(window) for window in problem.windows)
 
     def pushing(values: Mapping[str, float]) -> Collection[str]:
-        p = problem.parameters.with_values(values).values[: len(model.parameters)]
+        # of rows that hardly tell it, a number may lie where none is allowed
+        p = np.array([values.get(item.name, item.value) for item in problem.parameters])
+        p = p[: len(model.parameters)]
         return {name for push in pushes(model, p, few) for name in push.negative}
 
     parts = on(problem, _folds(apart(problem.windows)))
