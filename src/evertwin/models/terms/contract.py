@@ -271,12 +271,15 @@ def told(name: str, value: float, unit: str, intervals: Intervals, style: str = 
 
     >>> told("cap", 0.16, "m/s", {}), told("cap", 0.16, "m/s", {"cap": (0.15, 0.17)})
     ('0.16 m/s', '0.16 (0.15 to 0.17) m/s')
+    >>> told("cap", 0.16, "1", {})
+    '0.16'
     """
     between = ""
     if name in intervals:
         low, high = intervals[name]
         between = f" ({low:{style}} to {high:{style}})"
-    return f"{value:{style}}{between}{' ' if unit else ''}{unit}"
+    name = "" if unit in ("", "1") else f" {unit}"
+    return f"{value:{style}}{between}{name}"
 
 
 def nothing(name: str, intervals: Intervals) -> bool:

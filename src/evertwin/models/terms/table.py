@@ -101,7 +101,7 @@ class Table(GridTerm):
 
     def say(self, term: Term, values: Sequence[float], unit: str, intervals: Intervals) -> str:
         worst = max(abs(v - level) for v, level in zip(values, term.levels, strict=True))
-        most = told("", worst, "" if unit == "1" else unit, {}, ".3g")
+        most = told("", worst, unit, {}, ".3g")
         return f"{term.channel}: table of {len(values)} levels, changes by up to {most}"
 
 

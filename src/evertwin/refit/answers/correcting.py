@@ -174,4 +174,4 @@ def _said(table: Table, given: Vector, unit: str) -> Iterator[str]:
         for a, b in zip(opens[::2], opens[1::2], strict=True)
     ]
     if found:
-        yield f"{table.channel} was not seen at {', '.join(found)} {unit}"
+        yield f"{table.channel} was not seen at {', '.join(found)} {unit}".removesuffix(" 1")

@@ -230,7 +230,9 @@ def describe(model: Model, found: np.ndarray, detail: np.ndarray) -> Event:
         return _event(row, time, "measurement_error", group, reason, evidence)
     if kind == at.Finding.OVERRULED:
         units = dict(zip(outputs.names, outputs.units, strict=True))
-        jump = ", ".join(f"{name} by {d:+.4g} {units[name]}" for name, d in delta.items())
+        jump = ", ".join(
+            f"{name} by {d:+.4g} {units[name]}".removesuffix(" 1") for name, d in delta.items()
+        )
         reason = f"{number} samples agree with each other: {jump}"
         return _event(
             row, time, "overruled", group, reason, {**evidence, "delta": delta, "sigma": sigma}
