@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import NamedTuple
 
@@ -62,6 +63,29 @@ def winch(seed: int, *, healthy: bool = False, rows: int = 9000) -> Machine:
     seen = np.round(1e3 * (place + rng.normal(0.0, noise, rows)))
     columns = np.column_stack([step * np.arange(rows), asked, seen])
     return Machine("t [s],f_set [Hz],pos [mm]", columns, float(step), at, share)
+
+
+def elastic(seed: int, rows: int = 9000) -> np.ndarray:
+    """Time [s], place of a load on an elastic rope [m], and force of the drum that is driven to a
+    speed which changes at random [N], (rows, 3)."""
+    rng, step, sub = np.random.default_rng([3, seed]), 0.02, 10
+    inertia, mass, stiff, damped = 35.0, 60.0, 4e4, 400.0  # at the rope [kg, kg, N/m, Ns/m]
+    asked = np.repeat(rng.uniform(-0.45, 0.45, rows), rng.integers(60, 220, rows))[:rows]
+    speed, drum, load, sinks, h = 0.0, 0.0, -mass * 9.81 / stiff, 0.0, step / sub
+    place, force = np.empty(rows), np.empty(rows)
+    for k in range(rows):
+        goal = asked[k] if abs(drum) < 4.0 or asked[k] * drum < 0.0 else -0.2 * np.sign(drum)
+        force[k] = mass * 9.81 + 550.0 * (goal - speed) + rng.normal(0.0, 2.0)
+        for _ in range(sub):
+            pull = stiff * (drum - load) + damped * (speed - sinks)
+            rubs = 60.0 * math.tanh(speed / 0.003) + 130.0 * speed
+            speed += h * (force[k] - pull - rubs) / inertia
+            drum += h * speed
+            sinks += h * (pull / mass - 9.81)
+            load += h * sinks
+        place[k] = load
+    seen = place + rng.normal(0.0, 0.002, rows)
+    return np.column_stack([step * np.arange(rows), seen, force])
 
 
 def record(machine: Machine, file: Path) -> None:

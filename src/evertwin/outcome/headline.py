@@ -20,7 +20,7 @@ from evertwin.models.functions.failures import Failed
 from evertwin.outcome.course.changes import changes
 from evertwin.outcome.course.contradicted import contradicted
 from evertwin.outcome.course.jumps import believed, forgotten, jumps
-from evertwin.outcome.course.lives import returned, went_back
+from evertwin.outcome.course.lives import restless, returned, went_back
 from evertwin.outcome.open.faults import open_faults
 from evertwin.outcome.open.nothing_better import CLEAR, nothing_better, of_a_sensor, two_clocks
 from evertwin.outcome.open.on_trial import OpenTrial, shorter
@@ -74,7 +74,7 @@ def headline(
         outcome = none_judged(setup, measured, SHORT)
     turns = [{e.evidence["first"], e.evidence["second"]} for e in _last(events, "alternates")]
     back = () if {champion.number} <= set().union(*turns) else went_back(events, champion.number)
-    told = [*faults.values(), *unperceived(events), outcome, *back]
+    told = [*faults.values(), *unperceived(events), outcome, *restless(setup, events), *back]
     if doubted and doubted not in outcome:  # of a sensor in front; the machine may be elsewhere
         place = len(told) if doubted.startswith(OUTSIDE) else 0
         told.insert(place, f"{doubted[0].upper()}{doubted[1:]}.")

@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 from evertwin.fold import Event
+from evertwin.setup.setup import Setup
 from evertwin.trial.odds import ODDS
 
 SWITCHES = ("promoted", "rolled_back")
 """Kinds of event after which another version is live."""
+TURNS = 2
+"""Versions in turn that did not last, from so many of which on it is said."""
+BRIEF = 4
+"""A version that was live for so many times its trial, or a deviation's window, did not last."""
 MADE = re.compile(f"(?:{ODDS}|, e-value )[^;]*; (.*)")
 """What a version was made of, in the reason of its promotion; logs of before say e-value."""
 
@@ -72,6 +78,41 @@ def went_back(events: Sequence[Event], live: int) -> tuple[str, ...]:
         return (f"{said}it did worse than version {live}, which is live again.",)
     on = f"from row {since} on " if since is not None else ""
     return (f"{said}{on}the machine is again as at version {live}, as after a repair.",)
+
+
+def restless(setup: Setup, events: Sequence[Event]) -> tuple[str, ...]:
+    """What is said where versions came one after the other and none lasted; else nothing."""
+    tried = setup.trial.least * setup.trial.horizon * (setup.known_rate or 0.0)
+    came = in_turn(events, round(BRIEF * max(setup.enough, tried)))
+    if len(came) <= TURNS:
+        return ()
+    rows = [after.row - before.row for before, after in pairwise(came)]
+    longest = f"{max(rows) / setup.known_rate:.3g} s" if setup.known_rate else f"{max(rows)} rows"
+    return (
+        f"{len(rows)} versions in turn were live for {longest} or less, since the machine went on "
+        "changing: something may drive it that the model has no input for, such as a load or a "
+        "temperature.",
+    )
+
+
+def in_turn(events: Sequence[Event], brief: int) -> list[Event]:
+    """The newest promotions that came one after the other, each since the machine had changed anew
+    and within ``brief`` rows of the one before.
+
+    >>> told = [Event(row, 0, kind, "", "", {}) for row in (0, 500, 600, 700)
+    ...         for kind in ("changed", "promoted")]
+    >>> [event.row for event in in_turn(told, 200)], len(in_turn(told, 50))
+    ([500, 600, 700], 1)
+    """
+    found, change = list[Event](), 0
+    for event in events:
+        change = event.row if event.kind == "changed" else change
+        if event.kind == "promoted":
+            goes_on = found and found[-1].row < change and event.row - found[-1].row <= brief
+            found = [*found, event] if goes_on else [event]
+        elif event.kind in ("rolled_back", "alternates"):
+            found = []
+    return found
 
 
 def returned(events: Sequence[Event]) -> Event | None:

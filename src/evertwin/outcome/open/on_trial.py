@@ -66,9 +66,13 @@ def open_trial(setup: Setup, versions: Versions, state: TwinState) -> OpenTrial 
     more, why = gate.to_come(state.trial)
     if state.agenda.pinned:
         more, why = None, "the live version is pinned"
-    pace = (state.elapsed - state.agenda.tried) * 1e-9 / max(found["segments"], 1)
+    seconds = (state.elapsed - state.agenda.tried) * 1e-9
+    pace = seconds / max(found["segments"], 1)
     missing = tuple(check for check in gate.checklist(state.trial) if not check.passed)
-    since = -1 if state.agenda.tried <= 0 else version.row
+    since, rate = version.row, setup.spec.clock.rate or setup.measured_rate
+    if rate:  # one that was live before was made long ago
+        since = max(since, state.row - round(seconds * rate))
+    since = -1 if state.agenda.tried <= 0 else since
     return OpenTrial(
         version.number, version.reason, since, found["segments"], found["gain"],
         found["e_value"], missing, more, None if more is None else more * pace, why,
