@@ -26,11 +26,9 @@ from evertwin.starter.looks.words import quantity, words
 from evertwin.starter.numbers.cutoff import cutoff
 from evertwin.starter.numbers.foretold import Answer, answer_of, buried, moved
 from evertwin.starter.numbers.lagging import time_constant
-from evertwin.starter.numbers.oscillator_guess import Oscillator
 from evertwin.starter.numbers.payload import acting
 from evertwin.starter.numbers.speeds import fastest, of_joints
-from evertwin.starter.numbers.starts import own_of, starts_of
-from evertwin.starter.numbers.store_guess import Store
+from evertwin.starter.numbers.starts import Own, own_of, starts_of
 from evertwin.starter.numbers.untaken import left_out
 from evertwin.starter.numbers.wear import at_usual_speed
 from evertwin.starter.options import stands_in
@@ -301,7 +299,7 @@ class Draft:
         return ("lag", *coupled, *posed, *wheeled, "slew", *base, "table", "law")
 
     @cached_property
-    def own(self) -> Store | Oscillator:
+    def own(self) -> Own:
         """Where a model of one's own starts from."""
         return own_of(self.proposal.matches, self.seen)
 

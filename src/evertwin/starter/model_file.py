@@ -10,7 +10,7 @@ import numpy as np
 
 from evertwin.signals import conversion, si_unit
 from evertwin.starter.looks.seen import Seen
-from evertwin.starter.numbers.oscillator_guess import Oscillator
+from evertwin.starter.numbers.starts import Own
 from evertwin.starter.numbers.store_guess import Store
 from evertwin.starter.proposal import Match
 
@@ -26,13 +26,13 @@ def pump_model(seen: Sequence[Seen], found: Sequence[Match]) -> str:
     return template
 
 
-def own_model(found: Sequence[Match], start: Store | Oscillator) -> str:
+def own_model(found: Sequence[Match], start: Own) -> str:
     """The file's text, in the SI units of what drives and what answers; 1 where nobody says."""
     units = {match.channel: si_unit(match.unit) for match in found}
     u, y = (units.get(name, "1") for name in ("u", "y"))
     per = f"({u})" if set(u) & set("/* ") else u
-    swings = isinstance(start, Oscillator)
-    text = _template("oscillator.py.txt" if swings else "model.py.txt")
+    per_time = "s" if isinstance(start, Store) else "s^2"
+    text = _template(f"{type(start).__name__.lower()}.py.txt")
     text = text.replace("<u>", u).replace("<y>", y).replace("<speed>", f"{y}/s")
     cube = "1" if y == "1" else f"({y})^2"
     said = {
@@ -40,7 +40,7 @@ def own_model(found: Sequence[Match], start: Store | Oscillator) -> str:
         "hardening": "1" if y == "1" else f"1/{cube}",
     }  # fmt: skip
     for name, unit in said.items():
-        text = text.replace(f"<{name}>", f"{unit}/s^2" if swings else f"{unit}/s")
+        text = text.replace(f"<{name}>", f"{unit}/{per_time}")
     for name, value in start._asdict().items():
         most = 10.0 ** math.ceil(math.log10(max(abs(value), 1.0)) + 3)
         text = text.replace(f"<{name} start>", f"{value:.3g}")

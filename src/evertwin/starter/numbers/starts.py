@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import TypeAlias
 
 import numpy as np
 import scipy
@@ -14,6 +15,7 @@ from evertwin.signals import to_si
 from evertwin.starter.looks.relations import wraps
 from evertwin.starter.looks.seen import Seen
 from evertwin.starter.numbers.foretold import buried
+from evertwin.starter.numbers.mass_guess import Mass, guess_mass
 from evertwin.starter.numbers.oscillator_guess import Oscillator, guess_oscillator
 from evertwin.starter.numbers.store_guess import UNKNOWN, Store, guess_store
 from evertwin.starter.proposal import ASK, Match
@@ -23,18 +25,22 @@ HEATER, QUICK = 0.1, 50.0
 """Of a box: the heater's capacity as a share of the box's, and so many times as fast as the box the
 heater takes its heat to it."""
 NEARER = 0.5
-"""Share of what a store's run is off by up to which one that swings is taken."""
+"""Share of what a store's run is off by up to which one that swings, or is a mass, is taken."""
+LOST = 0.5
+"""Share of the spread that the run of a store leaves from which on it may be a mass."""
 ENOUGH = 500
 """Rows that tell what swings, at least."""
 STRETCHES = 60
 """Of an axis: stretches of the recording that its numbers are told from, at least."""
 STILL = 0.02
 """Share of its usual fastest speed up to which it does not move."""
+Own: TypeAlias = Store | Oscillator | Mass
 
 
-def own_of(found: Sequence[Match], seen: Sequence[Seen]) -> Store | Oscillator:
+def own_of(found: Sequence[Match], seen: Sequence[Seen]) -> Own:
     """Of a model of one's own, by what drives and what answers: a store, or a mass on a spring
-    where that runs far nearer to the recording."""
+    where that runs far nearer to the recording; a free mass where a store does not follow it, and
+    that runs far nearer over stretches of it."""
     told = _columns(("u", "y"), found, seen)
     if told is None:
         return UNKNOWN
@@ -42,6 +48,10 @@ def own_of(found: Sequence[Match], seen: Sequence[Seen]) -> Store | Oscillator:
     (spring, swings), (_, leaks) = guess_oscillator(*part), guess_store(*part)
     if spring is not None and swings < NEARER**2 * leaks:
         return spring
+    if leaks > LOST**2 * float(np.nanvar(part[2])):
+        mass, share = guess_mass(*part)
+        if mass is not None and share < NEARER**2:
+            return mass
     return guess_store(*told)[0]
 
 
