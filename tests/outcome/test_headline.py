@@ -53,6 +53,9 @@ def test_what_went_back_is_not_called_live_where_another_was_pinned_since() -> N
     back = Event(19, 0, "rolled_back", "", "", {"version": 1})
     assert "version 1, which is live again" in went_back([went, back], 1)[0]
     assert went_back([went, back], 2) == ()
+    outdone = replace(back, evidence={"version": 1, "since": 12, "segments": 9, "left": 0.6})
+    (told,) = went_back([went, outdone], 1)
+    assert "neither is within what is asked" in told and "repair" not in told
 
 
 def test_what_went_back_by_a_trial_is_told_as_what_was_rolled_back() -> None:

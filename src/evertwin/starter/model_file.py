@@ -13,17 +13,40 @@ from evertwin.starter.looks.seen import Seen
 from evertwin.starter.numbers.starts import Own
 from evertwin.starter.numbers.store_guess import Store
 from evertwin.starter.proposal import Match
+from evertwin.types import Vector
+
+STANDS, ENOUGH = 0.05, 20
+"""Share of its usual speed below which a pump stands; rows of it that tell what rests on it."""
+LEAST = 0.02
+"""Share of the usual pressure below which nothing does."""
 
 
 def pump_model(seen: Sequence[Seen], found: Sequence[Match]) -> str:
     """The file's text, with the usual largest speed, flow and pressure [SI] as its scale."""
-    template = _template("pump.py.txt")
+    template, shares = _template("pump.py.txt"), dict[str, Vector]()
     for match in found:
-        values = np.abs(seen[match.source].values(match.column))
-        usual = float(np.nanquantile(values, 0.95)) * conversion(match.unit)[0]
-        template = template.replace(f"<{match.channel}>", f"{usual or 1.0:.3g}")
+        values = seen[match.source].values(match.column)
+        usual = float(np.nanquantile(np.abs(values), 0.95)) or 1.0
+        shares[match.channel] = values / usual
+        scale = usual * conversion(match.unit)[0]
+        template = template.replace(f"<{match.channel}>", f"{scale:.3g}")
         template = template.replace(f"<{match.channel} unit>", si_unit(match.unit))
-    return template
+    of_one = len({match.source for match in found}) == 1
+    rest = resting(shares["speed"], shares["pressure"]) if of_one else 0.0
+    template = template.replace("<rest kept>", "" if rest else ", editable=False")
+    return template.replace("<rest>", f"{rest:.3g}")
+
+
+def resting(speed: Vector, pressure: Vector) -> float:
+    """The pressure that is left while a pump stands, as its usual one; 0: none, or it never stands.
+
+    >>> speed = np.repeat([0.0, 1.0], 50)
+    >>> resting(speed, 0.3 + 0.7 * speed), resting(speed, speed)
+    (0.3, 0.0)
+    """
+    stands = pressure[(np.abs(speed) < STANDS) & np.isfinite(pressure)]
+    rest = float(np.median(stands)) if len(stands) >= ENOUGH else 0.0
+    return rest if rest > LEAST else 0.0
 
 
 def own_model(found: Sequence[Match], start: Own) -> str:

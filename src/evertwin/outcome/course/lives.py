@@ -74,8 +74,10 @@ def went_back(events: Sequence[Event], live: int) -> tuple[str, ...]:
         e.evidence["row"] for e in events if e.kind == "changed" and away[0].row < e.row < back.row
     ]
     since = back.evidence.get("since", told[-1] if told and back.kind == "promoted" else None)
-    if since is None and back.kind == "rolled_back":
-        return (f"{said}it did worse than version {live}, which is live again.",)
+    outdone = {"left", "segments"} <= back.evidence.keys()
+    if back.kind == "rolled_back" and (since is None or outdone):
+        neither = ", though neither is within what is asked" if outdone else ""
+        return (f"{said}it did worse than version {live}, which is live again{neither}.",)
     on = f"from row {since} on " if since is not None else ""
     return (f"{said}{on}the machine is again as at version {live}, as after a repair.",)
 
