@@ -119,6 +119,15 @@ def test_what_is_not_told_is_asked_and_answered_by_a_list(tmp_path: Path) -> Non
         write_starter([file], out, ("", None), force=True, as_json=False, said=wrong)
 
 
+def test_what_was_measured_holds_for_the_row_that_says_it_and_a_command_from_then_on(
+    tmp_path: Path,
+) -> None:
+    file = recorded("t [s],motor current [A],load torque [Nm],speed [rad/s]", drive(1), tmp_path)
+    write_starter([file], tmp_path / "new.toml", ("", None), force=False, as_json=False)
+    held = {name: one.hold for name, one in read(tmp_path / "new.toml").signals.items()}
+    assert held == {"motor_current": False}
+
+
 def test_what_a_controller_is_told_does_not_drive_beside_what_it_puts_out(tmp_path: Path) -> None:
     table = tank(1)
     wanted = np.repeat(np.random.default_rng(5).uniform(0.2, 0.9, N // 100), 100)

@@ -68,6 +68,8 @@ class Draft:
     proposal: Proposal
     reach: float = 0.0
     """What noise and rows that are far apart make of such predictions [SI]; 0: it is not known."""
+    measured: tuple[str, ...] = ()
+    """Inputs whose rows say what they were, not what they are told to be until the next one."""
 
     @property
     def sources(self) -> tuple[Source, ...]:

@@ -51,6 +51,7 @@ from evertwin.starter.answers import (
     with_options,
     with_rates,
 )
+from evertwin.starter.channels.cause import stepped
 from evertwin.starter.looks.words import words
 from evertwin.starter.network_file import network_model
 from evertwin.starter.numbers.network import Network
@@ -235,7 +236,11 @@ def _network(
         write_whole(own, network_model(network))
     options = {"file": own.name, "name": "model"}
     built = machine("python", options | {"file": str(own)}, compiled=False)
-    return Draft(out, "python", options, built, seen, found)
+    read = tuple(
+        one.name for column, one in network.inputs.items()
+        if column in network.followed or not stepped(seen[0].values(column))
+    )  # fmt: skip
+    return Draft(out, "python", options, built, seen, found, measured=read)
 
 
 def _arm(out: Path, seen: tuple[Seen, ...]) -> Draft:

@@ -78,6 +78,8 @@ class Term(NamedTuple):
     of: tuple[str, ...]
     """Columns, the input that opens a way before where it leads to."""
     value: float
+    follows: bool = False
+    """Is it the leak of an output that its inputs put where it is?"""
 
 
 class Network(NamedTuple):
@@ -90,6 +92,15 @@ class Network(NamedTuple):
     inputs: Mapping[str, Signal]
     outputs: Mapping[str, Signal]
     equations: Mapping[str, tuple[Term, ...]]
+
+    @property
+    def followed(self) -> frozenset[str]:
+        """Inputs that put an output where it is within a row or two."""
+        return frozenset(
+            column
+            for told in self.equations.values() if told[-1].follows
+            for term in told for column in term.of
+        )  # fmt: skip
 
 
 def network_of(
@@ -209,7 +220,7 @@ def _follows(
     if share < FOLLOWS:
         return (), 0.0
     rate = 1.0 / usual
-    own = Term(f"{signals[name].name}_leak", "leak", (), rate)
+    own = Term(f"{signals[name].name}_leak", "leak", (), rate, follows=True)
     return (*(one._replace(value=rate * one.value) for one in terms), own), share
 
 
