@@ -247,6 +247,12 @@ def test_what_spoils_most_comes_first_and_what_is_alike_stands_together() -> Non
     assert "weak, 2 times: reason 0 (rows); also weak3" in every
 
 
+def test_rows_that_are_refused_come_before_changes_that_are_not_told() -> None:
+    found = tuple(Finding(k, k, k, "rows", k) for k in ("hidden", "at_bound", "gate"))
+    ranked = Diagnosis("robot", 10, found, {}).ranked
+    assert [group[0].kind for group in ranked] == ["gate", "at_bound", "hidden"]
+
+
 def test_starts_of_several_recordings_that_cannot_be_told_are_named() -> None:
     """The lower level is measured, so its start acts on nothing."""
     model = FunctionModel(

@@ -19,6 +19,7 @@ from evertwin.config.spec import (
     TuningSpec,
 )
 from evertwin.loop.decisions.former import began, none, with_live
+from evertwin.loop.decisions.outdone import shares
 from evertwin.models import Parameters
 from evertwin.trial import Recovery
 from planted.draws import first_of
@@ -220,3 +221,12 @@ def test_a_version_learned_while_little_moved_makes_room_for_the_one_before(seed
         assert went and went[0].row < 3000, told
         assert [e.evidence["version"] for e in back] == [0] and back[0].row < 6500, told
         assert "less deviation" in back[0].reason
+
+
+def test_outputs_that_every_version_predicts_alike_keep_no_worse_one_live() -> None:
+    """One that is harmed does, as does one that is told better by the live version."""
+    alike = np.ones(3)
+    live = np.append(alike, 1.0)
+    assert shares({0: np.append(alike, 0.3), 1: live}, 1)[0] == pytest.approx(0.3)
+    assert shares({0: np.array([3.0, 1.0, 1.0, 0.3]), 1: live}, 1)[0] > 1.0
+    assert shares({0: live, 1: live}, 1)[0] == 1.0

@@ -108,3 +108,10 @@ def test_a_term_that_came_on_the_way_is_told_beside_what_came_last() -> None:
         moved = Version(2, form, names, (1.2, 0.1, 1.0, 0.0, 1e9), 1, "tuned gain")
         said = changes(twin.setup, (moved, came, twin.champion))
         assert said == "gain 1 → 1.2; v: start threshold 0.1 m/s (dead zone)"
+
+
+def test_what_wears_leads_what_a_machine_is_built_of_and_what_is_weak_comes_last() -> None:
+    moves = [("link.Ixx", 0.1, 2.0), ("Fc", 303.0, 296.0), ("offset", 0.0, 5.0)]
+    units, halves = {"link.Ixx": "kg*m^2", "Fc": "N", "offset": "N"}, {"link.Ixx": 0.01, "Fc": 1.0}
+    told = in_words(moves, units, halves, ["offset"], later=("link.Ixx",))
+    assert told == "Fc 303 → 296 N, link.Ixx 0.1 → 2 kg*m^2, offset 0 → 5 N (weak)"

@@ -29,7 +29,8 @@ TOLD = {
     "time,COMP_LOAD_%,N2_FLOW Nm3/h,TANK_P bar": "u=? y=?",
     "time,GEN_EXC_CMD,GEN_VOLT_kV,GEN_MVAR": "u=GEN_EXC_CMD y=?",
     "time,dosing_pump_OP,pH,cond": "u=dosing_pump_OP y=?",
-    "t,VSD4.speed m/s,LIFT.LOAD kg,VSD4.TORQUE_REF": "u=VSD4.TORQUE_REF y=VSD4.speed m/s",
+    "t,VSD4.speed m/s,LIFT.LOAD kg,VSD4.TORQUE_REF":
+        "lift_load_kg=LIFT.LOAD kg vsd4_torque_ref=VSD4.TORQUE_REF vsd4_speed_m_s=VSD4.speed m/s",
     "time,FV-33.ZT [%],FT-33 [m3/h],TT-33 [°C]": "u=FV-33.ZT y=TT-33",
     "time,FV-33.ZT [%],PCV-34.ZT [%],TT-33 [°C]": "u=? y=TT-33",
     "time,AHU_FAN_%,AHU_DP Pa,AHU_SAT °C": "u=AHU_FAN_% y=AHU_SAT °C",
@@ -37,7 +38,7 @@ TOLD = {
         "speed=SIC-9.OUT flow=FIC-9.PV pressure=PT-9.PV",
     "ts,PUMP_SPD_%,PUMP_FLOW m3/h,PUMP_PRESS bar,SUCTION °C":
         "speed=PUMP_SPD_% flow=PUMP_FLOW m3/h pressure=PUMP_PRESS bar",
-    "time,u1,u2,y1,y2": "u=u1 y=y1",
+    "time,u1,u2,y1,y2": "u1=u1 u2=u2 y1=y1 y2=y2",
 }  # fmt: skip
 
 

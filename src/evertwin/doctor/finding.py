@@ -15,10 +15,11 @@ RANKS = (
     "model_failed", "sentinel", "not_tuned", "not_asked", "lost", "unrelated", "unit", "sign",
     "exchanged", "turned", "rate", "repeated", "missing", "frozen", "clock", "command", "lag",
     "lever", "current", "held", "jump", "absurd", "range", "gap", "not_possible", "not_connected",
-    "horizon", "requirement", "hidden", "tolerance", "gate", "tuning", "at_bound",
+    "gate", "horizon", "requirement", "tolerance", "tuning", "at_bound", "hidden",
     "not_identifiable", "weak", "shared",
 )  # fmt: skip
-"""Kinds of finding, what spoils a result most first."""
+"""Kinds of finding, what spoils a result most first: rows that are refused before those that are
+judged by too much or too little, changes that stay untold behind what keeps one from fitting."""
 SHOWN = 5
 """Findings that a person reads at once."""
 

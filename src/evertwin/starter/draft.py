@@ -15,6 +15,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from evertwin.models import Model
 from evertwin.models.contract import is_adopted
 from evertwin.settings.writing import inline, template
@@ -22,17 +24,17 @@ from evertwin.signals import conversion
 from evertwin.starter.channels.named import short
 from evertwin.starter.feeding import Source
 from evertwin.starter.looks.seen import Seen
-from evertwin.starter.looks.words import quantity, words
+from evertwin.starter.looks.words import quantity, same_kind, words
 from evertwin.starter.numbers.cutoff import cutoff
 from evertwin.starter.numbers.foretold import Answer, answer_of, buried, moved
 from evertwin.starter.numbers.lagging import time_constant
 from evertwin.starter.numbers.payload import acting
 from evertwin.starter.numbers.speeds import fastest, of_joints
 from evertwin.starter.numbers.starts import Own, own_of, starts_of
-from evertwin.starter.numbers.untaken import left_out
+from evertwin.starter.numbers.untaken import untaken
 from evertwin.starter.numbers.wear import at_usual_speed
 from evertwin.starter.options import stands_in
-from evertwin.starter.proposal import ASK, Proposal, position, together
+from evertwin.starter.proposal import ASK, Proposal, position
 
 NAMED = 3
 """Recordings that are named in the first line."""
@@ -64,6 +66,8 @@ class Draft:
     proposal: Proposal
     reach: float = 0.0
     """What noise and rows that are far apart make of such predictions [SI]; 0: it is not known."""
+    measured: tuple[str, ...] = ()
+    """Inputs whose rows say what they were, not what they are told to be until the next one."""
 
     @property
     def sources(self) -> tuple[Source, ...]:
@@ -205,6 +209,26 @@ class Draft:
         return alike + self.headings
 
     @property
+    def shares(self) -> bool:
+        """Are a machine's own outputs in several units, so that a share is asked of each?"""
+        own = self.kind == "python" and self.model is not None and not self.static
+        return own and len(set(self.model.outputs.units)) > 1 if self.model is not None else False
+
+    @property
+    def share_asked(self) -> float:
+        """A round fiftieth of what outputs move in a prediction, as a share of their size, or what
+        can be reached; of the output that needs most."""
+        rows, least = round(self.horizon / (self.period or self.horizon)), 2.0 * self.reach
+        for match in self.proposal.matches:
+            if self.model is not None and match.channel in self.model.outputs.names:
+                values = self.seen[match.source].values(match.column)
+                warm = same_kind(match.unit, "K")
+                size = np.nanmax(values) - np.nanmin(values) if warm else np.nanstd(values)
+                size = size if warm else math.hypot(size, float(np.nanmean(values)))
+                least = max(least, 0.02 * moved(values, rows) / size if size > 0.0 else 0.0)
+        return _digit(max(least, 1e-6), math.ceil)
+
+    @property
     def headings(self) -> tuple[str, ...]:
         """Angles of a base: judged as the way of a point 1 m ahead, so that 0.01 m is 0.01 rad."""
         if self.model is None or not self._base:
@@ -285,7 +309,15 @@ class Draft:
             return ("u",)
         if self.kind == "thermal":
             return (*self.model.inputs.names, *self.model.outputs.names)
-        return self.model.inputs.names if self._base else ()
+        own = self.kind == "python" and not self.static
+        return self.model.inputs.names if self._base or own else ()
+
+    @property
+    def untaken(self) -> tuple[tuple[str, ...], float]:
+        """Columns that no channel takes and that tell what the taken ones leave, and how much."""
+        linear = not (self._base or self.kind == "arm")  # enough for a column to be told
+        rows = self.horizon / (self.period or self.horizon) if linear else 0.0
+        return untaken(self.model, self.proposal, self.seen, self.judged or ("y",), rows)
 
     @property
     def terms(self) -> tuple[str, ...]:
@@ -337,52 +369,11 @@ class Draft:
             cutoff=cutoff(self.proposal, self.seen, self.rate) if self.rate and self.static else 0,
         )  # fmt: skip
 
-    def summary(self) -> str:
-        """What was found, for a terminal."""
-        lines = [f"{self.out}: {self.kind}, {len(self.proposal.matches)} channels found"]
-        several = len(self.sources) > 1
-        for source in self.sources:
-            for m in source.matches:
-                where = f"{source.name}: {m.column}" if several else m.column
-                lines.append(f"  {m.channel:<10} {where:<24} {m.unit:<8} {m.reason}")
-        derived = ((d.name, f"{d.op} of {', '.join(d.of)}") for d in self.proposal.derivations)
-        lacking = ((name, "no column found") for name in self.proposal.missing)
-        lines += [f"  {name:<10} {said}" for name, said in together([*derived, *lacking])]
-        lines += [f"  {said}"] if (said := stands_in(self.options)) else []
-        linear = not (self._base or self.kind == "arm")  # enough for a column to be told
-        rows = self.horizon / (self.period or self.horizon) if linear else 0.0
-        lines += left_out(self.model, self.proposal, self.seen, self.judged or ("y",), rows)
-        if self.questions:
-            lines.append(f"to be answered in {self.out}, where it says {ASK!r}:")
-            asked = together((name, what) for name, _, what in map(_cut, self.questions))
-            lines += [f"  {name}: {what}" for name, what in asked]
-            name, _, what = _cut(self.questions[0])
-            lines.append(
-                f"  or answer here, and times and requirement are proposed by it: evertwin init … "
-                f"--force --answer {name}.{what.split()[0]}=…"
-            )
-            if any(m.channel == "u" and m.column == ASK for m in self.proposal.matches):
-                lines.append(
-                    "  where several drive: an input and a channel for each of the others, in the "
-                    "model file too (docs/how-to/model-of-your-own.md)"
-                )
-        if self.undescribed and self.model is not None:
-            lines.append(
-                f"its {len(self.model.outputs)} joints are found, its bodies have to be described: "
-                "--model arm --urdf FILE, or a DH table (docs/how-to/arm-of-your-own.md)"
-            )
-        lines.append(f"next: evertwin doctor {self.out}")
-        return "\n".join(lines)
-
 
 def _digit(value: float, rounded: Callable[[float], int]) -> float:
     """Rounded to one digit."""
     power = math.floor(math.log10(value))
     return float(f"{rounded(round(value / 10.0**power, 6))}e{power}")
-
-
-def _cut(question: str) -> tuple[str, str, str]:
-    return question.partition(": ")
 
 
 def _pattern(seen: Seen) -> str:

@@ -51,7 +51,13 @@ from evertwin.starter.answers import (
     with_options,
     with_rates,
 )
+from evertwin.starter.channels.cause import stepped
+from evertwin.starter.looks.words import words
+from evertwin.starter.network_file import network_model
+from evertwin.starter.numbers.network import Network
 from evertwin.starter.proposal import ASK
+from evertwin.starter.several import OUTSIDE, several, without_sides
+from evertwin.starter.summary import summary
 
 LOOKED = "the recordings are looked at"
 
@@ -118,7 +124,7 @@ def write_starter(
             raise UsageError(f"{one}: exists already: choose another name, or say --force")
     with Progress(LOOKED):
         drafts = [
-            _draft(one, (kind, urdf), part, answers)
+            _draft(one, (kind, urdf), part, answers, guessed=not model[0], force=force)
             for one, (_, part) in zip(outs, axes, strict=True)
         ]
     for info in told:  # what is left out comes first
@@ -131,7 +137,7 @@ def write_starter(
     with Progress("the file is written"):
         contents = [_write(draft, force) for draft in drafts]
     content = contents[0] | ({"axes": contents} if len(contents) > 1 else {})
-    show(content, "\n".join(draft.summary() for draft in drafts), as_json)
+    show(content, "\n".join(summary(draft) for draft in drafts), as_json)
     if wear is not None:
         next_one = wear.command(str(files[0]))
         typer.echo(f"evertwin: does one of its columns tell wear? Then: {next_one}", err=True)
@@ -163,10 +169,19 @@ def _own(out: Path) -> Path:
 
 def _draft(
     out: Path, model: tuple[str, Path | None], seen: tuple[Seen, ...],
-    answers: Answers = MappingProxyType({}),
+    answers: Answers = MappingProxyType({}), *, guessed: bool = False, force: bool = False,
 ) -> Draft:  # fmt: skip
-    """With the options of the model that leave fewest questions, and with what was answered."""
+    """With the options of the model that leave fewest questions, and with what was answered.
+
+    Of a machine of one's own that several columns drive, or several answer of, or of a ``guessed``
+    kind that leaves out what drives it, too, it is stores that act on each other.
+    """
     draft = _asking(out, model, seen)
+    network = several(seen, answers) if model[0] == "python" else None
+    if guessed and model[0] not in ("python", PUMP, ARM, "arm"):
+        network = _with_more(draft, answers)
+    if network is not None:
+        draft, answers = _network(out, seen, network, force), without_sides(answers)
     options = with_options(draft.options, answers)
     built = draft.model if options == draft.options else machine(draft.kind, answered(options))
     found = with_answers(draft.proposal, built, seen, answers)
@@ -200,6 +215,32 @@ def _pump(out: Path, seen: tuple[Seen, ...]) -> Draft:
         c.name for s, one in enumerate(seen) for c in one.columns if (s, c.name) not in names
     )
     return Draft(out, "python", options, built, seen, Proposal(found, (), (), rest))
+
+
+def _with_more(draft: Draft, answers: Answers) -> tuple[Proposal, Network] | None:
+    """Stores in place of a kind of machine that leaves out what drives it, too; a box is one."""
+    more = set(draft.proposal.unused)
+    acts = any(not OUTSIDE.isdisjoint(words(name)) for name in more)
+    if not (more and (draft.kind == "thermal" or acts or draft.untaken[0])):
+        return None
+    found = several(draft.seen, answers)
+    return None if found is None or more.isdisjoint(found[1].inputs) else found
+
+
+def _network(
+    out: Path, seen: tuple[Seen, ...], told: tuple[Proposal, Network], force: bool
+) -> Draft:
+    """Of stores that several inputs fill: its model file, unless there is one, and columns."""
+    own, (found, network) = _own(out), told
+    if force or not own.exists():
+        write_whole(own, network_model(network))
+    options = {"file": own.name, "name": "model"}
+    built = machine("python", options | {"file": str(own)}, compiled=False)
+    read = tuple(
+        one.name for column, one in network.inputs.items()
+        if column in network.followed or not stepped(seen[0].values(column))
+    )  # fmt: skip
+    return Draft(out, "python", options, built, seen, found, measured=read)
 
 
 def _arm(out: Path, seen: tuple[Seen, ...]) -> Draft:

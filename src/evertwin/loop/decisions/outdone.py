@@ -7,6 +7,8 @@ nearest of those that were live before is live again.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from evertwin.gauges.rows.sensor_change import unmeasured
@@ -17,6 +19,11 @@ from evertwin.loop.decisions.going_live import goes_back
 from evertwin.rows.ring import called
 from evertwin.setup.evaluation import left
 from evertwin.setup.twin_state import TRIAL, WATCH, TwinState
+from evertwin.types import PerOutput
+
+ALIKE = 0.05
+"""Share by which two versions differ at most in what they miss of an output that tells nothing of
+which is nearer."""
 
 
 def outdone(decision: Decision, follow: Follow) -> None:
@@ -62,6 +69,20 @@ def _nearest(follow: Follow, state: TwinState, since: int) -> tuple[int, float]:
         k: left(setup, versions.model(k), versions[k].p, windows, past)[setup.watched]
         for k in dict.fromkeys([live, *once])
     }
-    share = {k: float(np.sqrt(np.nanmean(np.square(one / off[live])))) for k, one in off.items()}
+    share = shares(off, live)
     best = min(share, key=lambda k: share[k] if np.isfinite(share[k]) else np.inf)
     return (best, share[best]) if best != live else (-1, 1.0)
+
+
+def shares(off: Mapping[int, PerOutput], live: int) -> dict[int, float]:
+    """What each version leaves of what the live one does, over outputs; one that all of them
+    predict alike tells for none.
+
+    >>> off = {0: np.array([0.1, 1.0, 1.0, 1.0]), 1: np.array([1.0, 1.0, 1.0, 1.0])}
+    >>> {k: round(share, 2) for k, share in shares(off, 1).items()}
+    {0: 0.1, 1: 1.0}
+    """
+    ratio = {k: one / off[live] for k, one in off.items()}
+    apart = np.abs(np.array(list(ratio.values())) - 1.0).max(axis=0) > ALIKE
+    apart |= ~apart.any()
+    return {k: float(np.sqrt(np.nanmean(np.square(one[apart])))) for k, one in ratio.items()}

@@ -4,7 +4,7 @@ moved most first."""
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -51,7 +51,7 @@ def changes(setup: Setup, versions: Sequence[Version], events: Sequence[Event] =
     weak = [name.removesuffix(" (weak)") for name in tuned.split(", ") if name.endswith(" (weak)")]
     moves = [(name, old[name], now[name]) for name in names]
     steps = {name: [one.get(name, old[name]) for one in between] for name in names}
-    told = in_words(moves, units, _halves(now, events), weak, steps)
+    told = in_words(moves, units, _halves(now, events), weak, steps, setup.once)
     return "; ".join(one for one in (told, *terms[:FEW]) if one)
 
 
@@ -72,10 +72,12 @@ def _found(setup: Setup, version: Version, before: Version) -> Mapping[str, str]
 def in_words(
     moves: Sequence[Move], units: Mapping[str, str], halves: Mapping[str, float],
     weak: Sequence[str] = (), steps: Mapping[str, Sequence[float]] | None = None,
+    later: Collection[str] = (),
 ) -> str:  # fmt: skip
     """Old and new values; ``halves``: half the width of a number's interval, where it is known;
     ``weak``: numbers that come after all others, as those of which no interval is known;
-    ``steps``: values on the way from the old to the new one.
+    ``steps``: values on the way from the old to the new one; ``later``: numbers of what the machine
+    is built of, which come after what wears and what it carries.
 
     >>> in_words([("Fc", 12.0, 12.1), ("mass", 80.0, 110.0)], {"mass": "kg", "Fc": "N"}, {})
     'mass 80 → 110 kg, Fc 12 → 12.1 N'
@@ -86,14 +88,17 @@ def in_words(
     >>> in_words([("a", 0.0, 9.0), ("b", 0.0, 2.0)], {"a": "1", "b": "1"}, {},
     ...          steps={"a": [9.0], "b": [1.0]})
     'b 0 → 1 → 2, a 0 → 9'
+    >>> moves = [("l1.I", 1.0, 9.0), ("Fc1", 8.0, 11.0)]
+    >>> in_words(moves, {"l1.I": "kg*m^2", "Fc1": "Nm"}, {}, later=["l1.I"])
+    'Fc1 8 → 11 Nm, l1.I 1 → 9 kg*m^2'
     """
 
-    def size(move: Move) -> tuple[bool, float]:
+    def size(move: Move) -> tuple[bool, bool, float]:
         name, first, now = move
         old = [first, *(steps or {}).get(name, ())][-1]  # what the newest version moved comes first
         half = halves.get(name, math.inf)
         half = half if known and half > 0.0 else max(abs(old), abs(now), 1e-300)
-        return name not in weak, abs(now - old) / half
+        return name not in weak, name not in later, abs(now - old) / half
 
     known = any(0.0 < halves.get(name, 0.0) < math.inf for name, *_ in moves)
     most = sorted(moves, key=size, reverse=True)
@@ -142,7 +147,7 @@ def spelled(event: Event, setup: Setup, versions: Versions, live: int) -> Event:
         moved = [move for move in moves if move[1] != move[2]]
         rest = event.reason.split("; ")[1:]
         weak = [name for name, one in own.items() if one["verdict"] != "identifiable"]
-        said = "; ".join([f"tuned {in_words(moved, units, halves, weak)}", *rest])
+        said = "; ".join([f"tuned {in_words(moved, units, halves, weak, later=setup.once)}", *rest])
         return replace(event, reason=said) if moved else event
     if event.kind == "alternates":
         known: Any = event.evidence

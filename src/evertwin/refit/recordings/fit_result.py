@@ -138,6 +138,8 @@ class FitResult:
     """How a channel looks read wrongly, so that the numbers are none of the machine."""
     sizes: tuple[Size, ...] = ()
     """How large outputs were in what was learned from: what a share is a share of, later."""
+    later: frozenset[str] = frozenset()
+    """Numbers of what the machine is built of, shown behind those that wear or are carried."""
 
     def to_dict(self) -> dict[str, Json]:
         """Plain content, ``schema: "evertwin.fit/1"``."""
@@ -231,7 +233,7 @@ class FitResult:
     def __str__(self) -> str:
         """What speaks against it, parameters, then deviations per recording."""
         doubts = [f"look at {one.source} first: {one.doubt}" for one in self.left_out if one.doubt]
-        lines = [*doubts, *filter(None, [self.doubt, self.unseen]), str(self.fit)]
+        lines = [*doubts, *filter(None, [self.doubt, self.unseen]), self.fit.text(self.later)]
         lines = [f"{self.failed}: these rows are left out", *lines] if self.failed else lines
         lines += [
             f"law of {output}: {law}"

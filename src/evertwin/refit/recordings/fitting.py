@@ -284,7 +284,7 @@ def fit(
         done.feed.left_out, _spoiled(model, done.tasks),
         _held(setup, model, found, (own, together), failed if tests else done.screened.failed),
         Failed.together([done.screened.failed, failed]), done.screened.unknown,
-        doubt, seen_sizes(setup, own),
+        doubt, seen_sizes(setup, own), setup.once,
     )  # fmt: skip
 
 

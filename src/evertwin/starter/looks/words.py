@@ -89,6 +89,7 @@ LETTERS = {
 """A letter that is a unit where the words before it name the quantity that it measures."""
 _PLACES = {
     "x", "y", "z", "distance", "east", "north", "easting", "northing", "height", "depth", "stroke",
+    "level", "gap", "displacement", "travel",
 }  # fmt: skip
 _POWERS = {"power", "heater", "heating"}
 _RATES = re.compile(r"(?:^|_)(m|l|u)_(min)$|(?:^|_)[ns]?(m)_(3)_(h|s|min)$")

@@ -39,8 +39,8 @@ QUARTER = 0.25
 
 
 def unforeseen(spec: TwinSpec) -> float:
-    """Rms [SI] of the output that is foretold worst, over the horizon of a twin file; 0: its rows
-    do not tell, which the doctor says more about.
+    """Rms [SI, or a share where one is asked] of the output that is foretold worst, over the
+    horizon of a twin file; 0: its rows do not tell, which the doctor says more about.
 
     Args:
         spec: of a model with states, whose recordings are where it says.
@@ -59,6 +59,7 @@ def unforeseen(spec: TwinSpec) -> float:
         found = np.hypot(level, between(model, p, rows, setup.horizon, level))
     except (DataError, ModelError):  # the file is written all the same
         return 0.0
+    found = found / setup.sizes(np.concatenate([one.y for one in rows]))
     known = found[setup.watched & np.isfinite(found)]
     return float(known.max(initial=0.0))
 

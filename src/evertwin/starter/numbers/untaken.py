@@ -28,10 +28,10 @@ TELLS, MORE = 0.4, 0.05
 """Share of what is left, squared, that they tell of either half, at least; and one more of them."""
 
 
-def left_out(
+def untaken(
     model: Model | None, found: Proposal, seen: Sequence[Seen], judged: Collection[str], rows: float
-) -> list[str]:
-    """Columns that no channel takes, and what they tell, in words.
+) -> tuple[tuple[str, ...], float]:
+    """Columns that no channel takes and that tell what the taken ones leave, and the share.
 
     Args:
         model: what is proposed; None: a store of one's own.
@@ -40,23 +40,15 @@ def left_out(
         judged: its outputs; none: it is not asked.
         rows: of a prediction.
     """
-    said = [f"  not used: {', '.join(found.unused)}"] if found.unused else []
     matches = {one.channel: one for one in found.matches if one.column != ASK}
     match = next((matches[name] for name in judged if name in matches), None)
     if match is None or not 1.0 <= rows < np.inf:
-        return said
+        return (), 0.0
     table, names = seen[match.source], ("u",) if model is None else model.inputs.names
     taken = [one for name in names if len(one := _channel(name, matches, found, table, match))]
     others = {c.name: table.values(c.name) for c in table.columns if c.name in found.unused}
     keeps = model is None or len(model.states) > 0
-    told, share = telling(table.values(match.column), taken, others, round(rows), keeps=keeps)
-    if told:
-        said.append(
-            f"  of what the others leave of {match.column}, {', '.join(told)} "
-            f"tell{'s' if len(told) == 1 else ''} {min(100 * share, 99):.0f} %: where that drives "
-            "the machine, the model lacks an input (docs/how-to/model-of-your-own.md)"
-        )
-    return said
+    return telling(table.values(match.column), taken, others, round(rows), keeps=keeps)
 
 
 def _channel(

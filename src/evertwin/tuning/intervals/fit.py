@@ -19,7 +19,7 @@ from __future__ import annotations
 import html
 import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -31,6 +31,8 @@ from evertwin.signals.spoken import percent
 from evertwin.tuning.residuals.statistics import Dependence
 from evertwin.types import Float64, Json, ParameterVector, Vector
 
+_SURE = {"identifiable": 0, "weak": 1, "not": 2}
+"""Verdicts, in the order of a table."""
 SHORT = 40
 """Characters of a reason that may stand in every row of a table."""
 
@@ -211,8 +213,14 @@ class Fit:
 
     def __str__(self) -> str:
         """A table of parameters, then of outputs."""
+        return self.text()
+
+    def text(self, later: Collection[str] = ()) -> str:
+        """The same: what is told first, then what is weak, then what is not; of each those that
+        come ``later``, as what the machine is built of, behind the others."""
         lines, wide = [f"{self.method}: {self.message}"], max([12, *map(len, self.names)])
-        for name, value, half, unit, verdict, reason in self._table():
+        table = sorted(self._table(), key=lambda row: (_SURE.get(row[4], 1), row[0] in later))
+        for name, value, half, unit, verdict, reason in table:
             tail = f"  {reason}" if reason else ""
             lines.append(f"  {name:<{wide}} {value:>10} {half:<12} {unit:<8} {verdict}{tail}")
         lines += [f"  {told}" for told in self._told()[1]]
