@@ -35,7 +35,7 @@ STRETCHES = np.gradient(MOMENTS)
 EACH = 4
 """Series of one kind of machine."""
 NEAR = 0.3
-WEIGHED = {0.5: (1, 3, 4), 0.05: (0, 1, 2, 4), 0.92: (0, 1, 2, 4)}
+WEIGHED = {0.5: (1, 3, 4), 0.1: (0, 1, 2, 3, 4), 0.92: (0, 1, 2, 4)}
 """What counts for each quantile: a constant, own, young, own · young, rush. The median of a
 straight line, which the laws are sure of, stays."""
 SMOOTH = 0.01

@@ -192,7 +192,7 @@ def cart() -> Machine:
     def plan(rng: np.random.Generator, folder: Path) -> list[Work]:
         speed, other = rng.uniform(1.1, 1.8), told(rng.uniform(0.5, 1.5), rng.uniform(0.3, 0.9))
         rows = "".join(f"{RATE * k:.1f},{x:.6f}\n" for k, x in enumerate(other))
-        (folder / "other.csv").write_text("t,v\n" + rows)
+        (folder / "other.csv").write_text("t,v [m/s]\n" + rows)  # SI: the twin file records cm/s
         return [
             Work({"speed": speed}, rng.uniform(1.0, 1.5), rng.integers(3, 10),
                  cart_work(speed * v, RATE / speed)),

@@ -115,3 +115,13 @@ def test_a_recording_in_which_nothing_goes_one_way_tells_no_wear(tmp_path: Path)
     assert wear_in(table(tmp_path / "a.csv", "Date,wind,oil", DAYS, wind, oil)) is None
     found = wear_in(table(tmp_path / "b.csv", "Date,wind,gap", DAYS, wind, wear(0)))
     assert found is not None and found.columns == ("gap", "wind") and not found.falls
+
+
+def test_a_life_told_alone_says_what_it_cannot_foretell(tmp_path: Path) -> None:
+    file = tmp_path / "vibration.csv"
+    file.write_text("d,vibration\n" + "".join(f"{k},{2.0 + 0.01 * k}\n" for k in range(120)))
+    lives = life_of_series(Series(file, 4.5))
+    assert "nothing foretells one that comes at once" in str(lives)
+    assert lives.components["vibration"].urgency < np.inf
+    over = str(life_of_series(Series(file, 3.0)))
+    assert "life is over" in over and "foretells" not in over

@@ -45,7 +45,7 @@ def test_a_plan_keeps_what_the_operator_says() -> None:
     twin = planned()
     item = twin.plan().items[0]
     life = twin.life().components["gearbox"].life
-    assert isinstance(life, Life) and item.after == 5.0 and item.window == 1
+    assert isinstance(life, Life) and item.after == 10.0 and item.window == 2
     event = twin.decide("gearbox", "postponed", "spare part late", after=17.0)
     assert event.kind == "postponed" and event.evidence["now"] == 14.0
     assert event.evidence["at"] == 31.0 and event.time == 15 * 10**9
@@ -69,7 +69,7 @@ def test_a_plan_keeps_what_the_operator_says() -> None:
         (("confirmed", "x", float("inf")), "0 or more"),
         (("confirmed", "x", -5.0), "0 or more on the plan's clock \\(run\\), got -5"),
         (("postponed", "x"), "until when"),
-        (("postponed", "x", 3.0), "planned after 5 run from now: expected a later time, got 3"),
+        (("postponed", "x", 3.0), "planned after 10 run from now: expected a later time, got 3"),
         (("declined", "x", 3.0), "expected no time"),
         (("withdrawn", "x"), "nothing was said or done to 'gearbox'; .* none"),
     ],
@@ -103,7 +103,7 @@ def test_the_newest_word_is_withdrawn_and_stays_in_the_log() -> None:
     twin.decide("gearbox", "withdrawn", "wrong machine")
     assert twin.plan().items[0].after == 20.0, "the word before holds again"
     twin.decide("gearbox", "withdrawn", "part came")
-    assert twin.plan().items[0].after == 5.0
+    assert twin.plan().items[0].after == 10.0
     found = twin.prospect().history.labels
     assert [(one.verdict, one.state) for one in found] == [
         ("postponed", "withdrawn"), ("replaced", "withdrawn")
@@ -120,7 +120,7 @@ def test_labels_that_cannot_be_read_are_told_and_can_be_withdrawn() -> None:
     hours = {"clock": "h", "at": 3.0}
     twin.store.commit(Batch([Event(0, 0, "confirmed", "gearbox", "y", hours)]))
     plan = twin.plan()
-    assert plan.items[0].after == 5.0 and len(plan.notes) == 3
+    assert plan.items[0].after == 10.0 and len(plan.notes) == 3
     assert "confirmed (x) was left out, its time is no number" in plan.notes[0]
     assert "kept on the clock h, not run" in plan.notes[2]
     assert set(plan.notes) <= set(twin.life().notes)

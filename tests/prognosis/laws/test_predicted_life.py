@@ -323,6 +323,14 @@ def test_an_end_soon_after_a_long_calm_is_not_ruled_out(seed: int) -> None:
     assert life.interval80[0] < 11.0 < life.interval80[1] < 200.0
 
 
+@pytest.mark.parametrize("own", [0.02, 0.4])
+def test_no_lower_end_lies_beyond_a_ninth_of_the_age(own: float) -> None:
+    known = 100.0 * np.exp(own * scipy.special.ndtri(LEVELS))
+    for age in (90.0, 180.0, 9000.0):
+        found = widened(known, Pace(float(np.log(age)), np.inf))
+        assert found is not None and np.interp(0.1, LEVELS, found) <= age / 9.0 * 1.001
+
+
 def test_a_life_far_beyond_the_age_is_doubted_as_it_is_unsure() -> None:
     def middle(own: float, age: float) -> float:
         known = 300.0 * np.exp(own * scipy.special.ndtri(LEVELS))
@@ -330,8 +338,8 @@ def test_a_life_far_beyond_the_age_is_doubted_as_it_is_unsure() -> None:
         assert found is not None
         return float(found[len(found) // 2])
 
-    assert middle(0.5, 60.0) < 0.7 * middle(0.5, 600.0)
-    assert middle(0.01, 60.0) == pytest.approx(300.0, rel=0.02)
+    assert middle(0.5, 100.0) < 0.7 * middle(0.5, 600.0)
+    assert middle(0.01, 100.0) == pytest.approx(300.0, rel=0.02)
 
 
 def test_a_life_without_growth_is_not_told() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from evertwin.prognosis.laws import Indicator, Life, Limit, find_onset, predict_life
+from evertwin.prognosis.laws import Indicator, Life, Limit, NotEnough, find_onset, predict_life
 from evertwin.prognosis.laws.plans.alarms import FAR, RELEASE, accepted, alarm_of, has_cleared
 from evertwin.prognosis.laws.predict import slows
 from evertwin.prognosis.laws.series.scaled import Problem, scaled
@@ -36,8 +36,30 @@ def test_a_healthy_belt_that_creeps_is_told_no_near_end() -> None:
 def test_where_it_is_not_told_the_reason_names_both_paces() -> None:
     newest = Life.of("h", [0.1, 0.5, 0.9], [30.0, 40.0, 50.0])
     said = slows(newest, Pace(np.log(100.0), np.inf, np.log(2000.0)))
-    assert said is not None and "0.4 times its age" in said.reason and "20 times" in said.reason
+    assert said is not None and "0.4 times as long" in said.reason and "20 times" in said.reason
     assert slows(newest, Pace(np.log(100.0), np.inf)) is None
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e-3])
+def test_newest_values_that_rush_are_not_told_to_slow_down(scale: float) -> None:
+    t = np.arange(120.0)
+    slow = np.sqrt(t) / 20.0 + 0.004 * np.random.default_rng(0).standard_normal(120)
+    for rush, told in ((0.0, True), (0.3, False)):
+        y = scale * (slow + rush * (np.maximum(t - 115.0, 0.0) / 4.0))
+        problem = scaled(Indicator.of("wear", "mm", Limit(scale), t, y), most=0)
+        assert isinstance(problem, Problem)
+        assert np.isfinite(pace_of(problem).slowing) == told
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_noise_that_lasts_does_not_hide_a_level_this_side_of_the_limit(seed: int) -> None:
+    rng, y = np.random.default_rng(seed), np.zeros(172)
+    for k in range(1, len(y)):
+        y[k] = 0.6 * y[k - 1] + 0.04 * rng.standard_normal()
+    t = np.arange(172.0)
+    y += 2.0 + 2.2 * (1.0 - np.exp(-t / 36.0))
+    life = predict_life(Indicator.of("vibration", "mm/s", Limit(4.5), t, y))
+    assert isinstance(life, NotEnough) or not np.isfinite(life.interval80[1])
 
 
 @pytest.mark.parametrize("power", [0.3, 0.5, 1.0, 2.0])

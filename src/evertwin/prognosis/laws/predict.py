@@ -145,7 +145,7 @@ def alone(
         return not_begun(indicator, problem), None
     if (still := stands_still(indicator)) is not None:
         return still, None
-    level = never(problem, every_look(problem, laws))
+    level = never(problem, laws)
     if level > 0.5:
         return NotEnough(
             "growth that goes on to the limit: it slows down towards a level this side of it, with "
@@ -172,8 +172,8 @@ def slows(newer: Life, pace: Pace) -> NotEnough | None:
         return None
     now, slower = newer.median / np.exp(pace.age), float(np.exp(pace.slowing - pace.age))
     return NotEnough(
-        "growth that slows down no further, or is followed until it shows how it does",
-        f"the limit is {now:.2g} times its age away at the newest pace, {slower:.2g} times if "
+        "values until it shows whether growth slows down further",
+        f"it will last {now:.2g} times as long as it has at the newest pace, {slower:.2g} times if "
         "growth slows down as it did so far",
     )
 

@@ -15,14 +15,17 @@ The upper end reaches at least to where growth comes that slows down further as 
 of its age that leads through the levels when it began, at half of its age and now; not where it
 rushes. The newest values alone do not show how much faster it was.
 
-The median is where the loss in whole lives is least; that of a straight line stays. Five drawn
-lives in a hundred end before the lower end, so that sudden ends that were not drawn have room, and
-eight after the upper one. Narrow answers are earned with a fleet.
+The median is where the loss in whole lives is least; that of a straight line stays. Ten drawn
+lives in a hundred end before the lower end, and eight after the upper one.
+
+What ends at once is foretold by nothing. Of such ends, at a moment of life that is no special one,
+one in ten comes within a ninth of the age (Gott, "Implications of the Copernican principle for our
+future prospects", 1993): so `or_at_once`. Narrow answers are earned with a fleet.
 
 >>> told = 50.0 * np.exp(0.01 * (LEVELS - 0.5))
 >>> sure, slowing = widened(told, Pace(4.0, np.inf)), widened(told, Pace(4.0, np.inf, 5.5))
->>> [round(float(np.interp(p, LEVELS, sure))) for p in (0.5, 0.9)]
-[50, 73]
+>>> [round(float(np.interp(p, LEVELS, sure))) for p in (0.1, 0.5, 0.9)]
+[6, 50, 73]
 >>> round(float(np.interp(0.9, LEVELS, slowing)))
 245
 """
@@ -37,7 +40,7 @@ import scipy
 
 from evertwin.prognosis.laws.growth.onset import SHORT, medians, without_covariates
 from evertwin.prognosis.laws.series.indicator import Indicator
-from evertwin.prognosis.laws.series.life import LEVELS
+from evertwin.prognosis.laws.series.life import LEVELS, quantiles
 from evertwin.prognosis.laws.series.scaled import Problem, noise_of, steady
 from evertwin.prognosis.laws.wear.clocks import HUGE
 from evertwin.types import Float64, Vector
@@ -46,9 +49,13 @@ NEWEST = 0.5
 """Share of the values that the laws are asked of."""
 FEWEST = 20
 """Values that are asked at least, where there are as many."""
-VACUOUS = 30.0
-"""Upper over lower end of the 80 % interval from which it says nothing."""
-LOW = np.array([-1.42, -0.4, -0.48, 0.0, 1.0])
+VACUOUS = 50.0
+"""Upper over lower end of the 80 % interval from which it says nothing; by its age alone, a
+component may last `SOON` to 1 / `SOON` of it, 81."""
+SOON, AT_ONCE = 1.0 / 9.0, 0.1
+"""Share of the age within which an end that nothing foretells comes, and with which chance."""
+STEPS = 21
+LOW = np.array([-0.57, -1.26, -0.04, -0.42, 1.19])
 HALF = np.array([0.0, -0.95, 0.0, -0.58, 0.94])
 HIGH = np.array([0.35, 0.72, -0.26, 0.0, 0.87])
 """Logarithms of the ends and of the middle of drawn lives over the median of the laws: a constant,
@@ -68,7 +75,9 @@ NARROWEST = 0.2
 POWERS = (0.1, 4.0)
 """Powers of its age that growth is followed by to the limit where it slows down."""
 HALVES = 4
-"""Values of each half that tell how growth slows down."""
+"""Values of each half that tell how growth slows down, and newest ones that outrun it."""
+OUTRUN = 0.5
+"""Share of what the newer half grew by from which growth beside its line is a rush."""
 
 _SCORES = scipy.special.ndtri(LEVELS)
 
@@ -112,13 +121,14 @@ def pace_of(problem: Problem) -> Pace:
 
 def _slowing(s: Vector, y: Vector) -> float:
     """Logarithm of the time to the limit, 1, in ages, by the power that leads through the levels at
-    half of the age and now; −∞ where it did not grow over both."""
+    half of the age and now; −∞ where it did not grow over both, or the newest values outrun it."""
     half = int(np.searchsorted(s, 0.5))
     if min(half, len(y) - half) < HALVES:
         return -np.inf
     (older, end), (newer, now) = (steady(s[k], y[k]) for k in (slice(half), slice(half, None)))
     middle = 0.5 * (end + older * (0.5 - s[half - 1]) + now - newer * (s[-1] - 0.5))
-    if not max(middle, 0.0) < now < 1.0:
+    ahead = float(np.median(y[-HALVES:])) - now - CERTAIN * noise_of(y)
+    if ahead > OUTRUN * (now - middle) or not max(middle, 0.0) < now < 1.0:
         return -np.inf
     power = np.log2(now / middle) if middle > 0.0 else POWERS[1]
     longer = min(-np.log(now) / float(np.clip(power, *POWERS)), HUGE)
@@ -180,6 +190,24 @@ def widened(remaining: Float64[np.ndarray, " k"], pace: Pace) -> Float64[np.ndar
     if pace.rush >= np.log(half):
         last = max(last, pace.slowing - float(np.log(half)))
     below, above = (max(x, NARROWEST) / 1.2816 for x in (middle - first, last - middle))
-    if 1.2816 * (below + above) > np.log(VACUOUS):
-        return None
-    return np.asarray(half * np.exp(middle + np.where(_SCORES < 0.0, below, above) * _SCORES))
+    told = half * np.exp(middle + np.where(_SCORES < 0.0, below, above) * _SCORES)
+    out = or_at_once(told, SOON * float(np.exp(pace.age)))
+    low, high = (float(np.interp(p, LEVELS, out)) for p in (0.1, 0.9))
+    return out if high <= VACUOUS * low else None
+
+
+def or_at_once(told: Float64[np.ndarray, " k"], soon: float) -> Float64[np.ndarray, " k"]:
+    """Quantiles of the earlier one of a life and of an end that nothing foretells.
+
+    The median and what lies beyond it stay: they are measured with what ended at once.
+
+    Args:
+        told: of the life, at `LEVELS`.
+        soon: time within which the other end comes with `AT_ONCE`, evenly.
+    """
+    nodes = np.union1d(told, np.linspace(0.0, soon, STEPS))
+    half = float(np.interp(0.5, LEVELS, told))
+    once, at_half = (AT_ONCE * np.minimum(x / soon, 1.0) for x in (nodes, half))
+    by_life = np.interp(nodes, told, LEVELS, left=0.0)
+    both = 1.0 - (1.0 - (2.0 - 1.0 / (1.0 - at_half)) * by_life) * (1.0 - once)
+    return quantiles(nodes, np.where(nodes < half, both, by_life))

@@ -31,9 +31,9 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-from evertwin.prognosis.laws.series.scaled import Problem
+from evertwin.prognosis.laws.series.scaled import Problem, thinned
 from evertwin.prognosis.laws.wear.bank import Posterior, evaluate, without_growth
-from evertwin.prognosis.laws.wear.hypotheses import Family, Look, look
+from evertwin.prognosis.laws.wear.hypotheses import Family, Look, every_look, look
 from evertwin.prognosis.laws.wear.passage import path, process
 from evertwin.types import Float64
 
@@ -44,6 +44,11 @@ FINE = 140
 TAIL = 2e-4
 TOWARDS, TRIES = (0.5, 40.0), 40
 """Exponents, over the age, of growth towards a level."""
+
+LEANS = 0.2
+"""Correlation of neighbours up to which they count as independent."""
+FEWEST = 24
+"""Averages that are kept at least."""
 
 
 class Mixture(NamedTuple):
@@ -136,7 +141,7 @@ def no_onset(problem: Problem) -> float:
     return without_growth(problem.y, problem.omega, problem.fixed) + float(np.log(0.5))
 
 
-def never(problem: Problem, looks: Sequence[Look]) -> float:
+def never(problem: Problem, laws: Sequence[str]) -> float:
     """P(growth tends to a level this side of the limit): no life ends there.
 
     Beside the laws as they are asked stands growth towards a level with any exponent, whether it
@@ -144,7 +149,8 @@ def never(problem: Problem, looks: Sequence[Look]) -> float:
     run-in, and wear.
     """
     wide = Family("saturating", np.linspace(np.log(TOWARDS[0]), np.log(TOWARDS[1]), TRIES))
-    near = look(problem, wide)
+    problem = independent(problem, look(problem, wide))
+    near, looks = look(problem, wide), every_look(problem, laws)
     over = np.column_stack([problem.fixed, problem.s]), np.append(problem.base, 1.0)
     lined = []
     for family in (wide, near.family):
@@ -157,6 +163,20 @@ def never(problem: Problem, looks: Sequence[Look]) -> float:
     own = near.posterior.evidence + _even(near.family) + np.log(0.5)
     whole = _whole(np.array([*own, *beside, max(lined), no_onset(problem)]))
     return float(np.exp(own - whole) @ (1.0 - passes))
+
+
+def independent(problem: Problem, near: Look) -> Problem:
+    """Averages of as many neighbours as lean on each other beside the best of some hypotheses.
+
+    A process explains noise that lasts better than any level with independent noise does.
+    """
+    clock = near.clocks.at(problem.s)[int(np.argmax(near.posterior.evidence))]
+    weight = 1.0 / np.sqrt(problem.omega)
+    columns, y = np.column_stack([problem.fixed, clock]) * weight[:, None], problem.y * weight
+    rest = y - columns @ np.linalg.lstsq(columns, y, rcond=None)[0]
+    leans = float(np.clip(rest[1:] @ rest[:-1] / max(float(rest @ rest), 1e-300), 0.0, 1.0))
+    many = max(int(len(y) * (1.0 - leans) / (1.0 + leans)), FEWEST)
+    return thinned(problem, many) if leans > LEANS and many < len(y) else problem
 
 
 def _even(family: Family) -> float:
