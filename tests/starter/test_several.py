@@ -136,3 +136,23 @@ def test_what_a_controller_is_told_does_not_drive_beside_what_it_puts_out(tmp_pa
     file = recorded(heading, table, tmp_path)
     write_starter([file], tmp_path / "new.toml", ("", None), force=False, as_json=False)
     assert model_of(read(tmp_path / "new.toml")).inputs.names == ("pump", "valve")
+
+
+def test_an_effort_beside_what_is_set_is_what_that_takes(tmp_path: Path) -> None:
+    """A belt slips the more it carries; its motor's current goes with its speed at once."""
+    rng, speed, y = np.random.default_rng(3), 0.0, np.empty(N)
+    asked, load = steps(rng, 0.0, 1500.0), steps(rng, 0.0, 80.0)
+    for i in range(N):
+        speed += 0.25 * (asked[i] / 1500.0 - speed)
+        y[i] = speed * (0.98 - 0.002 * load[i])
+    current = 1.2 + 0.03 * load + 4.0 * y + rng.normal(0.0, 0.05, N)
+    table = np.column_stack(
+        [0.1 * np.arange(N), asked, load, y + rng.normal(0.0, 0.004, N), current]
+    )
+    heading = "sec,drive setpoint 1/min,load kg,belt speed m/s,current A"
+    log, twin = recorded(heading, table, tmp_path), tmp_path / "twin.toml"
+    write_starter([log], twin, ("", None), False, False, Said())
+    found = read(twin)
+    model = model_of(found)
+    assert list(model.inputs.names) == ["drive_setpoint_1_min", "load_kg"]
+    assert "belt_speed_m_s" in model.outputs.names

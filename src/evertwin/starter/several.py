@@ -126,6 +126,10 @@ def _sides(
     if currents & in_steps or (currents and not in_steps):  # what is loaded answers by its voltage
         volts = {c.name for c in columns if quantity(words(c.name), c.unit) == "voltage"}
         drives = (drives - volts) | (currents if volts else set())
+    # an effort that is measured beside what is set is what that takes
+    if any(name in in_steps and OUTSIDE.isdisjoint(words(name)) for name in drives):
+        efforts = {c.name for c in columns if quantity(words(c.name), c.unit) in EFFORTS}
+        drives -= efforts - in_steps
     # what a controller is told acts by what it puts out, where that is recorded
     rest = [c for c in columns if c.name not in drives]
     wanted = {

@@ -76,7 +76,8 @@ ENDS = {
     "kpa": "kPa", "mpa": "MPa", "mbar": "mbar", "psi": "psi", "kw": "kW", "kn": "kN",
     "m s": "m/s", "cm s": "cm/s", "mm s": "mm/s", "rad s": "rad/s", "deg s": "deg/s",
     "m/min": "m/min", "l/min": "l/min", "lpm": "l/min", "m3/h": "m^3/h", "m3/min": "m^3/min",
-    "m3/s": "m^3/s", "l s": "l/s", "km h": "km/h", "kmh": "km/h", "u/min": "rpm", "upm": "rpm",
+    "m3/s": "m^3/s", "l s": "l/s", "km h": "km/h", "kmh": "km/h",
+    "u/min": "rpm", "1/min": "rpm", "upm": "rpm",
     "m s 2": "m/s^2", "mm s 2": "mm/s^2", "rad s 2": "rad/s^2", "deg s 2": "deg/s^2",
     "deg f": "degF", "grad c": "degC", "prozent": "%", "grad": "deg",
 }  # fmt: skip
@@ -92,7 +93,7 @@ _PLACES = {
     "level", "gap", "displacement", "travel",
 }  # fmt: skip
 _POWERS = {"power", "heater", "heating"}
-_RATES = re.compile(r"(?:^|_)(m|l|u)_(min)$|(?:^|_)[ns]?(m)_(3)_(h|s|min)$")
+_RATES = re.compile(r"(?:^|_)(m|l|u|1)_(min)$|(?:^|_)[ns]?(m)_(3)_(h|s|min)$")
 """Rates in a heading's last words: a minute is no minimum there, the 3 of a volume no number; a
 normal or standard volume counts as one."""
 _BEHIND = re.compile(
@@ -113,6 +114,8 @@ def said_unit(name: str) -> str:
     ('deg', 'degC', 'rpm', '')
     >>> said_unit("FI_NET Nm3/min"), said_unit("LOAD kg"), said_unit("VFD_%")
     ('m^3/min', 'kg', '%')
+    >>> said_unit("drive setpoint 1/min"), said_unit("n_U/min")
+    ('rpm', 'rpm')
     >>> said_unit("flow_m3h"), said_unit("belt_m_min"), said_unit("current_mA"), said_unit("A")
     ('m^3/h', 'm/min', 'mA', '')
     >>> said_unit("J1_acc_deg/s2"), said_unit("acc_m_s2"), said_unit("acc rad/s^2")
