@@ -328,7 +328,7 @@ def test_no_lower_end_lies_beyond_a_ninth_of_the_age(own: float) -> None:
     known = 100.0 * np.exp(own * scipy.special.ndtri(LEVELS))
     for age in (90.0, 180.0, 9000.0):
         found = widened(known, Pace(float(np.log(age)), np.inf))
-        assert found is not None and np.interp(0.1, LEVELS, found) <= age / 9.0 * 1.001
+        assert found is not None and np.interp(0.1, LEVELS, found[0]) <= age / 9.0 * 1.001
 
 
 def test_a_life_far_beyond_the_age_is_doubted_as_it_is_unsure() -> None:
@@ -336,7 +336,7 @@ def test_a_life_far_beyond_the_age_is_doubted_as_it_is_unsure() -> None:
         known = 300.0 * np.exp(own * scipy.special.ndtri(LEVELS))
         found = widened(known, Pace(float(np.log(age)), np.inf))
         assert found is not None
-        return float(found[len(found) // 2])
+        return float(found[0][len(LEVELS) // 2])
 
     assert middle(0.5, 100.0) < 0.7 * middle(0.5, 600.0)
     assert middle(0.01, 100.0) == pytest.approx(300.0, rel=0.02)
@@ -396,3 +396,10 @@ def test_a_low_first_value_is_no_baseline(count: int) -> None:
     assert all(find_onset(wear(first, seed=seed)) is None for seed in range(10))
     flat = [find_onset(wear(0.0 * first, noise=0.1, seed=seed)) for seed in range(100)]
     assert sum(one is not None for one in flat) <= 2
+
+
+def test_what_ends_at_once_is_in_the_interval_and_not_in_the_plan() -> None:
+    life = predict_life(wear(0.01 * np.arange(60.0), seed=4))
+    assert isinstance(life, Life)
+    assert life.interval80[0] < 10.0 < life.wearing.interval80[0]
+    assert life.wearing.median == pytest.approx(life.median, rel=0.02)

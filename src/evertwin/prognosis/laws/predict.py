@@ -77,7 +77,8 @@ def predict_life(
         return found
     if isinstance(found, NotEnough):
         return without
-    return replace(found, remaining=np.minimum(found.remaining, without.remaining))
+    worn = np.minimum(found.wearing.remaining, without.wearing.remaining)
+    return replace(found, remaining=np.minimum(found.remaining, without.remaining), worn=worn)
 
 
 def _predicted(
@@ -159,11 +160,11 @@ def alone(
     if isinstance(newer, NotEnough):
         return newer, onset
     pace = pace_of(problem if isinstance(whole, str) else whole)
-    remaining = widened(newer.remaining, pace)
-    if remaining is None:
+    told = widened(newer.remaining, pace)
+    if told is None:
         return slows(newer, pace) or not_begun(indicator, problem), onset
-    ends = np.where(1.0 - level > LEVELS, remaining, np.inf)
-    return replace(newer, remaining=ends), onset
+    ends, worn = (np.where(1.0 - level > LEVELS, one, np.inf) for one in told)
+    return replace(newer, remaining=ends, worn=worn), onset
 
 
 def slows(newer: Life, pace: Pace) -> NotEnough | None:

@@ -115,7 +115,8 @@ def alarm_of(
     low, high = life.interval80
     interval = (low, high if np.isfinite(high) else None)
     ahead = lead(indicator, life, LEAD) if ahead is None else ahead
-    chance = life.risk_before(ahead)
+    wears = life.wearing  # of ends that nothing foretells none is told
+    chance = wears.risk_before(ahead)
     evidence |= {"probability": chance, "ahead": ahead, "law": life.law, "median": life.median}
     if life.median <= 0.0:
         reason = f"{shown}: {'it has failed' if life.failed else 'the limit is passed'}"
@@ -127,15 +128,15 @@ def alarm_of(
                 "… true (the machine) or false alarm (the sensor)"
             )
         return Alarm(component, "limit_passed", reason, interval, action, evidence)
-    if chance > accepted(life, ahead, risk):
+    if chance > accepted(wears, ahead, risk):
         until = f"{high:.3g}" if np.isfinite(high) else "without end"
         reason = (
             f"{shown}; it lasts {low:.3g} to {until} {life.unit} (80 %), fails within {ahead:.4g} "
             f"{life.unit} with probability {chance:.2f}"
         )
-        action = f"plan maintenance of {component} within {life.not_before:.3g} {life.unit}"
+        action = f"plan maintenance of {component} within {wears.not_before:.3g} {life.unit}"
         if life.calendar is not None:
-            action += f", by {life.calendar.said(life.now + life.not_before)}"
+            action += f", by {life.calendar.said(life.now + wears.not_before)}"
         return Alarm(component, "failure_due", reason, interval, action, evidence)
     return None
 

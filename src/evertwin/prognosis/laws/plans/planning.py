@@ -241,7 +241,7 @@ def _member(name: str, part: Part, windows: Windows | None, visit: float) -> Mem
     decision = part.decision
     with naming(f"plan of {name}"):
         paid = Cost(part.cost.failure, part.cost.maintenance + visit)
-        renewal = Renewal.of(part.life, part.age, paid)
+        renewal = Renewal.of(part.life.wearing, part.age, paid)
     own, rate = renewal.best(windows)
     earliest, exact = 0.0, None
     if decision.verdict == "postponed":

@@ -181,6 +181,8 @@ class Life:
     by_age: Float64[np.ndarray, " k"] | None = None
     """What lives of its like machines last beyond its age, as long as its own growth does not stand
     out; None: it does, or told alone."""
+    worn: Float64[np.ndarray, " k"] | None = None
+    """What wear alone leaves, without ends that nothing foretells; None: none are in it."""
 
     @classmethod
     def of(
@@ -197,10 +199,18 @@ class Life:
 
     def through(self, workload: Workload, unit: str) -> Life:
         """The life as a time, where ``remaining`` is work and this much of it is planned."""
-        by_age = None if self.by_age is None else workload.time_of(self.by_age)
+        by_age, worn = (
+            None if one is None else workload.time_of(one) for one in (self.by_age, self.worn)
+        )
         return replace(
-            self, unit=unit, remaining=workload.time_of(self.remaining), by_age=by_age
-        )  # fmt: skip
+            self, unit=unit, remaining=workload.time_of(self.remaining), by_age=by_age, worn=worn
+        )
+
+    @property
+    def wearing(self) -> Life:
+        """The life as wear ends it, which work on it prevents: what ends at once comes to what is
+        new as well."""
+        return self if self.worn is None else replace(self, remaining=self.worn, worn=None)
 
     def quantile(self, p: float) -> float:
         """Time within which life ends with probability ``p``; infinite if it may never."""

@@ -24,9 +24,9 @@ future prospects", 1993): so `or_at_once`. Narrow answers are earned with a flee
 
 >>> told = 50.0 * np.exp(0.01 * (LEVELS - 0.5))
 >>> sure, slowing = widened(told, Pace(4.0, np.inf)), widened(told, Pace(4.0, np.inf, 5.5))
->>> [round(float(np.interp(p, LEVELS, sure))) for p in (0.1, 0.5, 0.9)]
-[6, 50, 73]
->>> round(float(np.interp(0.9, LEVELS, slowing)))
+>>> [[round(float(np.interp(p, LEVELS, one))) for p in (0.1, 0.5, 0.9)] for one in sure]
+[[6, 50, 73], [28, 50, 73]]
+>>> round(float(np.interp(0.9, LEVELS, slowing[0])))
 245
 """
 
@@ -175,7 +175,9 @@ def known_of(
     return half, np.array([1.0, own, young, own * young, rush])
 
 
-def widened(remaining: Float64[np.ndarray, " k"], pace: Pace) -> Float64[np.ndarray, " k"] | None:
+def widened(
+    remaining: Float64[np.ndarray, " k"], pace: Pace
+) -> tuple[Float64[np.ndarray, " k"], Float64[np.ndarray, " k"]] | None:
     """Quantiles of the life as it is told; None where they would say nothing.
 
     Args:
@@ -193,7 +195,7 @@ def widened(remaining: Float64[np.ndarray, " k"], pace: Pace) -> Float64[np.ndar
     told = half * np.exp(middle + np.where(_SCORES < 0.0, below, above) * _SCORES)
     out = or_at_once(told, SOON * float(np.exp(pace.age)))
     low, high = (float(np.interp(p, LEVELS, out)) for p in (0.1, 0.9))
-    return out if high <= VACUOUS * low else None
+    return (out, told) if high <= VACUOUS * low else None
 
 
 def or_at_once(told: Float64[np.ndarray, " k"], soon: float) -> Float64[np.ndarray, " k"]:
