@@ -154,5 +154,5 @@ def test_an_effort_beside_what_is_set_is_what_that_takes(tmp_path: Path) -> None
     write_starter([log], twin, ("", None), False, False, Said())
     found = read(twin)
     model = model_of(found)
-    assert list(model.inputs.names) == ["drive_setpoint_1_min", "load_kg"]
-    assert "belt_speed_m_s" in model.outputs.names
+    assert list(model.inputs.names) == ["drive_setpoint_1_min", "load"]
+    assert "belt_speed" in model.outputs.names

@@ -151,7 +151,7 @@ def _signals(seen: Seen, columns: Sequence[ColumnInfo]) -> dict[str, Signal]:
     """Values [SI] and what is known of them, under the names of their columns."""
     return {
         c.name: Signal(
-            _identifier(c.name), _unit(c), _in_si(seen, c),
+            _identifier(_unitless(c)), _unit(c), _in_si(seen, c),
             same_kind(_unit(c), "K") or (not c.unit and _warm(c)),
             quantity(words(c.name), c.unit) == "velocity",
         )
@@ -169,6 +169,12 @@ def _unit(column: ColumnInfo) -> str:
 
 def _in_si(seen: Seen, column: ColumnInfo) -> Vector:
     return np.asarray(to_si(seen.values(column.name), _unit(column)), dtype=np.float64)
+
+
+def _unitless(column: ColumnInfo) -> str:
+    """A heading without the unit that it ends in."""
+    unit = f" {column.unit}"
+    return column.name.removesuffix(unit) if column.unit else column.name
 
 
 def _identifier(column: str) -> str:
