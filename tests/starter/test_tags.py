@@ -30,7 +30,7 @@ TOLD = {
     "time,GEN_EXC_CMD,GEN_VOLT_kV,GEN_MVAR": "u=GEN_EXC_CMD y=?",
     "time,dosing_pump_OP,pH,cond": "u=dosing_pump_OP y=?",
     "t,VSD4.speed m/s,LIFT.LOAD kg,VSD4.TORQUE_REF":
-        "lift_load_kg=LIFT.LOAD kg vsd4_torque_ref=VSD4.TORQUE_REF vsd4_speed_m_s=VSD4.speed m/s",
+        "lift_load=LIFT.LOAD kg vsd4_torque_ref=VSD4.TORQUE_REF vsd4_speed=VSD4.speed m/s",
     "time,FV-33.ZT [%],FT-33 [m3/h],TT-33 [°C]": "u=FV-33.ZT y=TT-33",
     "time,FV-33.ZT [%],PCV-34.ZT [%],TT-33 [°C]": "u=? y=TT-33",
     "time,AHU_FAN_%,AHU_DP Pa,AHU_SAT °C": "u=AHU_FAN_% y=AHU_SAT °C",
