@@ -211,8 +211,9 @@ class Draft:
     @property
     def shares(self) -> bool:
         """Are a machine's own outputs in several units, so that a share is asked of each?"""
-        own = self.kind == "python" and self.model is not None and not self.static
-        return own and len(set(self.model.outputs.units)) > 1 if self.model is not None else False
+        if self.model is None or self.kind != "python" or self.static:
+            return False
+        return len(set(self.model.outputs.units)) > 1
 
     @property
     def share_asked(self) -> float:

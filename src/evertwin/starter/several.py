@@ -80,6 +80,8 @@ def several(seen: Sequence[Seen], answers: Answers) -> tuple[Proposal, Network] 
     )  # fmt: skip
     if told is None or (len(told.inputs) < 2 and len(told.outputs) < 2):
         return None
+    if not all(said) and told.apart:  # records of one machine, or machines, side by side
+        return None
     found = _distinct(told)
     return _proposal(seen[0], columns, found, said), found
 

@@ -218,13 +218,18 @@ def _pump(out: Path, seen: tuple[Seen, ...]) -> Draft:
 
 
 def _with_more(draft: Draft, answers: Answers) -> tuple[Proposal, Network] | None:
-    """Stores in place of a kind of machine that leaves out what drives it, too; a box is one."""
+    """Stores in place of a kind of machine that leaves out what drives it, too: of a box what acts
+    from outside, or several heaters where its channels are not found."""
     more = set(draft.proposal.unused)
     acts = any(not OUTSIDE.isdisjoint(words(name)) for name in more)
-    if not (more and (draft.kind == "thermal" or acts or draft.untaken[0])):
+    lacks = draft.proposal.missing if draft.kind == "thermal" else draft.untaken[0]
+    if not (more and (acts or lacks)):
         return None
     found = several(draft.seen, answers)
-    return None if found is None or more.isdisjoint(found[1].inputs) else found
+    if found is None or more.isdisjoint(found[1].inputs):
+        return None
+    set_ = [name for name in found[1].inputs if stepped(draft.seen[0].values(name))]
+    return found if acts or draft.kind != "thermal" or len(set_) > 1 else None
 
 
 def _network(

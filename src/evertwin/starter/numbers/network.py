@@ -94,6 +94,14 @@ class Network(NamedTuple):
     equations: Mapping[str, tuple[Term, ...]]
 
     @property
+    def apart(self) -> bool:
+        """Has each of several outputs inputs of its own, and nothing to do with the others?"""
+        used = [{column for term in told for column in term.of} for told in self.equations.values()]
+        every = set().union(*used)
+        shared = sum(map(len, used)) > len(every) or not every.isdisjoint(self.outputs)
+        return len(used) > 1 and not shared
+
+    @property
     def followed(self) -> frozenset[str]:
         """Inputs that put an output where it is within a row or two."""
         return frozenset(
