@@ -156,3 +156,17 @@ def test_an_effort_beside_what_is_set_is_what_that_takes(tmp_path: Path) -> None
     model = model_of(found)
     assert list(model.inputs.names) == ["drive_setpoint_1_min", "load"]
     assert "belt_speed" in model.outputs.names
+
+
+def test_records_side_by_side_are_no_one_machine(tmp_path: Path) -> None:
+    rng, table = np.random.default_rng(4), [4.0 * np.arange(N)]
+    for _ in range(2):
+        u, y, level = steps(rng, 1.0, 6.0), np.empty(N), 4.0
+        for i in range(N):
+            level += 0.05 * (u[i] - level)
+            y[i] = level
+        table += [u, y]
+    heading = "t [s],uEst,yEst,uVal,yVal"
+    log, twin = recorded(heading, np.column_stack(table), tmp_path), tmp_path / "new.toml"
+    write_starter([log], twin, ("", None), force=False, as_json=False)
+    assert model_of(read(twin)).outputs.names == ("y",)
